@@ -9,6 +9,8 @@ find_package(meshoptimizer REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(BLOSC REQUIRED IMPORTED_TARGET blosc>=1.21)
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
+pkg_check_modules(LZ4 REQUIRED IMPORTED_TARGET liblz4)
+pkg_check_modules(LZMA REQUIRED IMPORTED_TARGET liblzma)
 pkg_check_modules(TIFF REQUIRED IMPORTED_TARGET libtiff-4>=4.5)
 pkg_check_modules(HWY REQUIRED libhwy>=1.0.3)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)  # all in line
@@ -53,6 +55,9 @@ endif()
 
 if(ISOBRICK_WITH_HDF5)
   find_package(IsobrickHDF5 REQUIRED)
+  # For files of h5py. Debian's plugin of HDF5 for it lacks the library, and cannot be loaded.
+  find_path(LZF_INCLUDE_DIR lzf.h PATH_SUFFIXES liblzf REQUIRED)
+  find_library(LZF_LIBRARY lzf REQUIRED)
 else()
   list(APPEND switched_off_sources "/hdf5_[a-z_]*\\.cpp$")
 endif()

@@ -8,11 +8,28 @@
 
 namespace isobrick {
 
-// The library has one state for the whole process: no call to it is made without this.
-inline std::recursive_mutex& hdf5Mutex() {
-  static std::recursive_mutex mutex;
-  return mutex;
-}
+// The library has one state for the whole process, and prints a stack of calls for everything that
+// fails, by a setting of each thread: no call to it is made without this, which keeps it silent.
+class Hdf5Call {
+ public:
+  Hdf5Call() : lock_(mutex()) {
+    H5Eget_auto2(H5E_DEFAULT, &print_, &print_data_);
+    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  }
+  ~Hdf5Call() { H5Eset_auto2(H5E_DEFAULT, print_, print_data_); }
+  Hdf5Call(const Hdf5Call&) = delete;
+  Hdf5Call& operator=(const Hdf5Call&) = delete;
+
+ private:
+  static std::recursive_mutex& mutex() {
+    static std::recursive_mutex mutex;
+    return mutex;
+  }
+
+  std::lock_guard<std::recursive_mutex> lock_;
+  H5E_auto2_t print_ = nullptr;
+  void* print_data_ = nullptr;
+};
 
 // An identifier of any kind, closed at the end.
 class Hdf5Handle {
@@ -33,7 +50,7 @@ class Hdf5Handle {
   // False if that failed: of a file, if its last bytes could not be written.
   bool close() {
     if (id_ < 0) return true;
-    const std::lock_guard lock(hdf5Mutex());
+    const Hdf5Call call;
     return close_(std::exchange(id_, H5I_INVALID_HID)) >= 0;
   }
 

@@ -36,7 +36,6 @@ enum class Remedy {
   kChooseComponent,     // OpenOptions::component
   kWholeFloats,         // ExportOptions::vdb_half
   kReplaceDataset,      // ExportOptions::replace_dataset
-  kChooseChannel,       // OpenOptions::channel
   kPackMesh,            // MeshFileOptions::meshopt
   kChooseStack,         // OpenOptions::grid
   kChooseTime,          // OpenOptions::time

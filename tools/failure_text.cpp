@@ -49,9 +49,6 @@ Texts advicesOf(Remedy remedy) {
               "write whole floats"};
     case Remedy::kReplaceDataset:
       return {"replace it with --force", "move the file away"};
-    case Remedy::kChooseChannel:
-      return {"choose an index of the first axis with --select channel=N",
-              "'isobrick build' takes one index of the first axis with --select channel=N"};
     case Remedy::kPackMesh:
       return {"pack it with --meshopt", "extract less"};
     case Remedy::kChooseStack:

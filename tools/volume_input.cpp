@@ -11,6 +11,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/hdf5_name.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -174,7 +175,8 @@ RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache
 }
 
 bool isVolume(const std::string& path) {
-  return isPhantomName(path) || ((isFolder(path) || isRegularFile(path)) && !isPyramidFile(path));
+  const std::string file = splitHdf5Name(path).first;
+  return isPhantomName(path) || ((isFolder(file) || isRegularFile(file)) && !isPyramidFile(file));
 }
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {

@@ -15,11 +15,12 @@ namespace isobrick {
 // than 2 voxels.
 std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLayout& layout);
 
-// Opens VTK XML ImageData (.vti): one piece; the array of its point data that is marked as scalars,
-// or the first with one value per voxel; appended (raw or base64) or inline binary, plain or
-// compressed by zlib. Direction, and extents that do not begin at 0, are applied. 32- and 64-bit
-// integers and doubles become float32 with a note. Throws Error for everything else, and if the
-// sizes in the file contradict each other.
+// Opens VTK XML ImageData (.vti): the array of its points, or else of its cells, that is named
+// options.grid, or marked as scalars, or the first with one value per voxel; of one piece or
+// several; appended (raw or base64), inline binary or text; plain or compressed by zlib, LZ4 or
+// LZMA. Direction, and extents that do not begin at 0, are applied; a cell's voxel is its centre.
+// 32- and 64-bit integers and doubles become float32 with a note. Throws Error for everything else,
+// and if the sizes in the file contradict each other.
 std::unique_ptr<VolumeSource> openVtiSource(const std::string& path,
                                             const OpenOptions& options = {});
 
@@ -93,17 +94,13 @@ std::unique_ptr<VolumeSource> openExrSlices(const std::string& folder,
 std::unique_ptr<VolumeSource> openVdbSource(const std::string& path,
                                             const OpenOptions& options = {});
 
-// Splits "scan.h5:/entry/data" into its file and its dataset, which is empty if none is named; the
-// whole word is the file if it has no such form (.h5, .hdf5, .hdf, .he5, .nxs).
-std::pair<std::string, std::string> splitHdf5Name(const std::string& name);
-bool isHdf5Name(const std::string& name);
-
-// Opens a dataset of three axes, slowest first, "file.h5:/path"; without a path, the only one that
-// the file has. More axes are taken if all others have one element, or with options.channel for a
-// single further one. Integers and floats of either byte order, in one piece or in chunks packed
-// with filters that the library has; the others are named. Attributes "spacing", "origin" and
-// "direction" (of the axes x, y, z, the last as three columns) are the geometry, or
-// "element_size_um" (z, y, x) the spacing; otherwise the spacing is 1.
+// Opens a dataset of an HDF5 file, "file.h5:/path" (../hdf5_name.h); without a path, the only one
+// of three axes or more, or the finest level of a file of Imaris or BigDataViewer, whose .xml may
+// be named, too (hdf5_choice.h). Axes are x, y and z by the names that the file has for them, or
+// else the last three, slowest first; one or two others take an index of options.time and
+// options.channel (hdf5_axes.h). Integers and floats of either byte order, in one piece or in
+// chunks packed with filters that the library, its plugins or isobrick have; the others are named
+// (hdf5_filters.h). hdf5_placement.h has what counts as their place; otherwise the spacing is 1.
 //
 // Boxes are read, by one thread at a time: the library is not made for more. It keeps chunks of up
 // to options.memory_bytes. The file may be hostile: the library's results are checked before

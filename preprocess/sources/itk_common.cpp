@@ -69,7 +69,6 @@ class CerrCapture {
 
 Error unknownFormat(const std::string& path) {
   static constexpr std::pair<const char*, const char*> kConverters[] = {
-      {".vtk", "save it as .vti with ParaView"},
       {".gipl", "save it as .nrrd with 3D Slicer"},
       {".gipl.gz", "save it as .nrrd with 3D Slicer"},
       {".pic", "save it as .tif with Fiji"}};

@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/hdf5_name.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote_options.h"
@@ -68,7 +69,7 @@ std::unique_ptr<VolumeSource> openItk(const std::string& path,
 bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
   const std::string ending = lowerExtension(path);
   return !options.raw && !isFolder(path) && !isHdf5Name(path) && ending != ".isb" &&
-         ending != ".vdb" && !isRemotePath(path);
+         ending != ".vdb" && ending != ".xml" && !isRemotePath(path);
 }
 
 // `knows` checks the name, the kind or the first bytes. The first reader that recognises a path
@@ -95,12 +96,15 @@ constexpr Reader kReaders[] = {
     {{"OpenEXR", "folder of .exr", ISOBRICK_WITH_OPENEXR},
      [](const std::string& path, bool is_folder) { return is_folder && hasExrSlices(path); },
      openExr},
-    {{"HDF5", ".h5 .h5:/path", ISOBRICK_WITH_HDF5},
-     [](const std::string& path, bool is_folder) { return !is_folder && isHdf5Name(path); },
-     openHdf5},
-    {{"VTK ImageData", ".vti", true},
+    {{"HDF5", ".h5 .h5:/path .ims .nc, .xml of BigDataViewer", ISOBRICK_WITH_HDF5},
      [](const std::string& path, bool is_folder) {
-       return !is_folder && lowerExtension(path) == ".vti";
+       return !is_folder && (isHdf5Name(path) || lowerExtension(path) == ".xml");
+     },
+     openHdf5},
+    {{"VTK ImageData", ".vti .pvti .vtk", true},
+     [](const std::string& path, bool is_folder) {
+       const std::string ending = lowerExtension(path);
+       return !is_folder && (ending == ".vti" || ending == ".pvti" || ending == ".vtk");
      },
      [](const std::string& path, const OpenOptions& options) {
        return openVtiSource(path, options);

@@ -33,11 +33,6 @@ void swapElements(void* data, std::size_t count, std::size_t element_bytes) {
   }
 }
 
-// A floating-point number of 16 bits.
-struct Half {
-  std::uint16_t bits;
-};
-
 float plainNumber(Half half) {
   const std::uint32_t sign = (half.bits & 0x8000u) << 16, exponent = half.bits >> 10 & 31u,
                       fraction = half.bits & 0x3ffu;
@@ -78,39 +73,6 @@ void findMagnitudes(const std::byte* in, std::size_t count, std::size_t componen
       squares += value * value;
     }
     out[i] = static_cast<float>(std::sqrt(squares));
-  }
-}
-
-template <typename T>
-struct StoredTag {
-  using Type = T;
-};
-// Calls f(tag) with the C++ type of the stored numbers.
-template <typename F>
-void visitStoredType(StoredType type, F&& f) {
-  switch (type) {
-    case StoredType::kUint8:
-      return f(StoredTag<std::uint8_t>{});
-    case StoredType::kInt8:
-      return f(StoredTag<std::int8_t>{});
-    case StoredType::kUint16:
-      return f(StoredTag<std::uint16_t>{});
-    case StoredType::kInt16:
-      return f(StoredTag<std::int16_t>{});
-    case StoredType::kUint32:
-      return f(StoredTag<std::uint32_t>{});
-    case StoredType::kInt32:
-      return f(StoredTag<std::int32_t>{});
-    case StoredType::kUint64:
-      return f(StoredTag<std::uint64_t>{});
-    case StoredType::kInt64:
-      return f(StoredTag<std::int64_t>{});
-    case StoredType::kFloat16:
-      return f(StoredTag<Half>{});
-    case StoredType::kFloat32:
-      return f(StoredTag<float>{});
-    case StoredType::kFloat64:
-      return f(StoredTag<double>{});
   }
 }
 

@@ -60,6 +60,44 @@ constexpr std::optional<StoredType> storedTypeNamed(std::string_view name) {
   return std::nullopt;
 }
 
+// A floating-point number of 16 bits.
+struct Half {
+  std::uint16_t bits;
+};
+
+template <typename T>
+struct StoredTag {
+  using Type = T;
+};
+// Calls f(tag) with the C++ type of the stored numbers.
+template <typename F>
+void visitStoredType(StoredType type, F&& f) {
+  switch (type) {
+    case StoredType::kUint8:
+      return f(StoredTag<std::uint8_t>{});
+    case StoredType::kInt8:
+      return f(StoredTag<std::int8_t>{});
+    case StoredType::kUint16:
+      return f(StoredTag<std::uint16_t>{});
+    case StoredType::kInt16:
+      return f(StoredTag<std::int16_t>{});
+    case StoredType::kUint32:
+      return f(StoredTag<std::uint32_t>{});
+    case StoredType::kInt32:
+      return f(StoredTag<std::int32_t>{});
+    case StoredType::kUint64:
+      return f(StoredTag<std::uint64_t>{});
+    case StoredType::kInt64:
+      return f(StoredTag<std::int64_t>{});
+    case StoredType::kFloat16:
+      return f(StoredTag<Half>{});
+    case StoredType::kFloat32:
+      return f(StoredTag<float>{});
+    case StoredType::kFloat64:
+      return f(StoredTag<double>{});
+  }
+}
+
 // Numbers in a file, delivered as they are (value_fit.h makes voxels of types that no pyramid has);
 // those that are mapped become float32, or float64 if that would lose what tells them apart.
 struct StoredVoxels {

@@ -168,7 +168,7 @@ class VdbFile : private openvdb::io::Archive {
       chosen_ = &scalarGrid();
       if (entries_.size() > 1 && options_.grid.empty())
         notes.push_back("of " + std::to_string(entries_.size()) + " grids, " +
-                        quoted(chosen_->descriptor.gridName()) + " was taken; the others are " +
+                        quoted(nameOf(*chosen_)) + " was taken; the others are " +
                         namesText(chosen_));
     });
   }
@@ -309,18 +309,32 @@ class VdbFile : private openvdb::io::Archive {
     for (const Entry& entry : entries_) {
       if (&entry == except) continue;
       if (listed++ == kMostListed) return text + ", ...";
-      text += (text.empty() ? "" : ", ") + quoted(entry.descriptor.gridName()) + " (" +
-              entry.grid->valueType() + ")";
+      text +=
+          (text.empty() ? "" : ", ") + quoted(nameOf(entry)) + " (" + entry.grid->valueType() + ")";
     }
     return text;
+  }
+
+  // "density"; of several with one name, "density[1]" is the second.
+  std::string nameOf(const Entry& entry) const {
+    const std::string name = entry.descriptor.gridName();
+    std::size_t same = 0, before = 0;
+    for (const Entry& other : entries_) {
+      if (other.descriptor.gridName() != name) continue;
+      if (&other < &entry) ++before;
+      ++same;
+    }
+    return same == 1 ? name : name + "[" + std::to_string(before) + "]";
   }
 
   Entry& scalarGrid() {
     if (entries_.empty()) throw cannotUse(path_, "it has no grids");
     if (const std::string& wanted = options_.grid; !wanted.empty()) {
-      const auto named = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& e) {
-        return e.descriptor.gridName() == wanted;
-      });
+      auto named = std::find_if(entries_.begin(), entries_.end(),
+                                [&](const Entry& e) { return e.descriptor.gridName() == wanted; });
+      if (named == entries_.end())
+        named = std::find_if(entries_.begin(), entries_.end(),
+                             [&](const Entry& e) { return nameOf(e) == wanted; });
       if (named == entries_.end())
         throw Error(
             "'" + path_ + "' has no grid " + quoted(wanted) + "; it has " + namesText(nullptr),

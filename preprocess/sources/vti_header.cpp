@@ -11,6 +11,8 @@
 #include <utility>
 
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -119,19 +121,23 @@ class VtiReader {
       header_.byte_order = attributes["byte_order"];
       header_.header_type = attributes["header_type"];
       header_.compressor = attributes["compressor"];
-    } else if (isIn({"VTKFile"}) && name == "ImageData") {
+    } else if (isIn({"VTKFile"}) && (name == "ImageData" || name == "PImageData")) {
       header_.whole_extent = attributes["WholeExtent"];
       header_.origin = attributes["Origin"];
       header_.spacing = attributes["Spacing"];
       header_.direction = attributes["Direction"];
     } else if (isIn({"VTKFile", "ImageData"}) && name == "Piece") {
-      header_.piece_extents.push_back(attributes["Extent"]);
+      header_.pieces.emplace_back().extent = attributes["Extent"];
+    } else if (isIn({"VTKFile", "PImageData"}) && name == "Piece") {
+      header_.pieces.push_back({attributes["Extent"], attributes["Source"], {}, {}});
     } else if (isIn({"VTKFile", "ImageData", "Piece"}) && name == "PointData") {
-      header_.scalars = attributes["Scalars"];
+      header_.pieces.back().points.scalars = attributes["Scalars"];
+    } else if (isIn({"VTKFile", "ImageData", "Piece"}) && name == "CellData") {
+      header_.pieces.back().cells.scalars = attributes["Scalars"];
     } else if (isIn({"VTKFile", "ImageData", "Piece", "PointData"}) && name == "DataArray") {
-      takeArray(attributes);
+      takeArray(attributes, header_.pieces.back().points);
     } else if (isIn({"VTKFile", "ImageData", "Piece", "CellData"}) && name == "DataArray") {
-      header_.has_cell_arrays = true;
+      takeArray(attributes, header_.pieces.back().cells);
     } else if (isIn({"VTKFile"}) && name == "AppendedData") {
       header_.appended_encoding = attributes["encoding"];
       if (header_.appended_encoding.empty())
@@ -143,7 +149,7 @@ class VtiReader {
     }
   }
 
-  void takeArray(const Attributes& attributes) {
+  void takeArray(const Attributes& attributes, VtiPiece::Data& data) {
     VtiArray array;
     array.name = attributes["Name"];
     array.type = attributes["type"];
@@ -151,7 +157,7 @@ class VtiReader {
     array.components = number(attributes, "NumberOfComponents", 1);
     array.offset = number(attributes, "offset", 0);
     array.text_at = tagEnd();
-    header_.point_arrays.push_back(std::move(array));
+    data.arrays.push_back(std::move(array));
   }
 
   std::uint64_t number(const Attributes& attributes, const std::string& key,
@@ -222,6 +228,12 @@ class VtiReader {
 };
 
 }  // namespace
+
+std::string inQuotes(const std::string& text) { return quotedText(text, 60); }
+
+Error cannotUseVti(const std::string& path, const std::string& reason) {
+  return unusable(path, reason + "; save it again with ParaView, or convert it to .nrrd or .mhd");
+}
 
 VtiHeader readVtiHeader(const InputFile& file) { return VtiReader(file).read(); }
 

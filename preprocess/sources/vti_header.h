@@ -6,10 +6,11 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
-// One DataArray of the point data.
+// One DataArray of the point or cell data.
 struct VtiArray {
   std::string name;
   std::string type;    // "UInt8", ...
@@ -19,18 +20,31 @@ struct VtiArray {
   std::uint64_t text_at = 0;  // otherwise: the byte of the file behind the tag
 };
 
+struct VtiPiece {
+  std::string extent;
+  std::string source;  // the file that it is, in a .pvti
+  // The arrays, and the name that the file has for the one to take.
+  struct Data {
+    std::string scalars;
+    std::vector<VtiArray> arrays;
+  };
+  Data points, cells;
+};
+
 // The statements of a file, as they stand: nothing but its syntax was checked, and a missing one is
 // empty.
 struct VtiHeader {
   std::string file_type, byte_order, header_type, compressor;  // of VTKFile
   std::string whole_extent, origin, spacing, direction;        // of ImageData
-  std::vector<std::string> piece_extents;
-  std::string scalars;  // the name that PointData has for the array to take
-  std::vector<VtiArray> point_arrays;
-  bool has_cell_arrays = false;
+  std::vector<VtiPiece> pieces;
   std::string appended_encoding;  // "raw" or "base64"; empty if nothing is appended
   std::uint64_t appended_at = 0;  // the byte of the file behind the '_'
 };
+
+// Text of a file, fit for a line of a message.
+std::string inQuotes(const std::string& text);
+// "cannot use 'PATH': REASON; ...", with a remedy.
+Error cannotUseVti(const std::string& path, const std::string& reason);
 
 // Reads the tags of the file, with Expat, up to its appended data or its end; text between tags is
 // passed over. Throws Error, naming the byte, for anything but well-formed XML of the kind that VTK

@@ -1,35 +1,29 @@
-// VTK XML ImageData (.vti), as ParaView writes it.
+// VTK ImageData, as ParaView writes it: XML (.vti, .pvti) and the legacy format (.vtk).
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <filesystem>
 #include <optional>
 #include <utility>
+#include <vector>
 
-#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/assembled_source.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/one_grid.h"
-#include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/preprocess/sources/vti_header.h"
+#include "isobrick/preprocess/sources/vti_voxels.h"
+#include "isobrick/preprocess/sources/vtk_legacy_header.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
-
-// Text of a file, fit for a line of a message.
-std::string inQuotes(const std::string& text) { return quotedText(text, 60); }
-
-Error cannotUse(const std::string& path, const std::string& reason) {
-  return unusable(path, reason + "; save it again with ParaView, or convert it to .nrrd or .mhd");
-}
 
 // Exactly N numbers with blanks between them.
 template <typename T, std::size_t N>
@@ -51,9 +45,10 @@ std::optional<std::array<T, N>> numbers(const std::string& text) {
   return values;
 }
 
-StoredType storedType(const std::string& path, const std::string& name) {
+StoredType vtiStoredType(const std::string& path, const std::string& name) {
   if (const auto type = storedTypeNamed(lowercase(name))) return *type;  // "UInt8"
-  throw cannotUse(path, "its voxels are of the type " + inQuotes(name) + ", which is no number");
+  if (name == "Bit") return StoredType::kUint8;
+  throw cannotUseVti(path, "its voxels are of the type " + inQuotes(name) + ", which is no number");
 }
 
 // Opening, step by step; each refuses files that it cannot use.
@@ -63,64 +58,77 @@ class VtiOpener {
       : path_(path),
         options_(options),
         file_(std::make_shared<const InputFile>(path)),
-        header_(readVtiHeader(*file_)) {}
+        header_(lowerExtension(path) == ".vtk" ? readVtkLegacyHeader(*file_)
+                                               : readVtiHeader(*file_)) {}
 
   std::unique_ptr<VolumeSource> open() {
     checkFileKind();
-    takeGeometry();
+    if (isParallel()) return openFiles();
     chooseArray();
+    takeGeometry();
     info_.source = path_;
     info_.format = "VTK ImageData";
-    stored_.type = storedType(path_, array_.type);
-    stored_.big_endian = header_.byte_order == "BigEndian";
+    stored_.type = vtiStoredType(path_, array_.type);
+    stored_.big_endian = header_.byte_order == "BigEndian" && array_.format != "ascii";
     info_.voxel_type = stored_.delivered();
     takeComponent(array_.components, options_, stored_, info_);
-    const auto bytes = stored_.bytesOf(elementCount(info_.voxels));
-    if (!bytes) throw wrongSize("less than 2^64");
-    need_bytes_ = *bytes;
-    return openVoxels();
+    return openPieces();
   }
 
  private:
+  // First and last index of points along x, y and z.
+  using Extent = std::array<std::int64_t, 6>;
+
   void checkFileKind() const {
-    if (header_.file_type != "ImageData")
-      throw cannotUse(path_, "it holds VTK's " + inQuotes(header_.file_type) + ", not ImageData");
+    if (header_.file_type != "ImageData" && !isParallel())
+      throw cannotUseVti(path_,
+                         "it holds VTK's " + inQuotes(header_.file_type) + ", not ImageData");
     const std::string& order = header_.byte_order;
     if (!order.empty() && order != "LittleEndian" && order != "BigEndian")
-      throw cannotUse(path_, "its byte order " + inQuotes(order) + " is unknown");
+      throw cannotUseVti(path_, "its byte order " + inQuotes(order) + " is unknown");
     const std::string& type = header_.header_type;
     if (!type.empty() && type != "UInt32" && type != "UInt64")
-      throw cannotUse(path_, "its header type " + inQuotes(type) + " is unknown");
-    if (!header_.compressor.empty() && header_.compressor != "vtkZLibDataCompressor")
-      throw cannotUse(path_, "it is compressed by " + inQuotes(header_.compressor) +
-                                 ", and only vtkZLibDataCompressor or none is read");
-    if (header_.piece_extents.size() != 1)
-      throw cannotUse(path_, "it has " + std::to_string(header_.piece_extents.size()) +
-                                 " pieces and must have one");
+      throw cannotUseVti(path_, "its header type " + inQuotes(type) + " is unknown");
+    if (!knowsVtiCompressor(header_.compressor))
+      throw cannotUseVti(path_, "it is compressed by " + inQuotes(header_.compressor) +
+                                    ", and only VTK's compressors by zlib, LZ4 and LZMA are known");
+    if (header_.pieces.empty()) throw cannotUseVti(path_, "it has no piece, and so no voxels");
   }
 
-  void takeGeometry() {
-    const auto extent = numbers<std::int64_t, 6>(header_.whole_extent);
+  Extent extentIn(const std::string& text, const char* name) const {
+    const auto extent = numbers<std::int64_t, 6>(text);
     // VTK's own are int: greater ones would overflow sums below.
     constexpr std::int64_t kMost = std::int64_t{1} << 31;
     if (!extent || std::any_of(extent->begin(), extent->end(),
                                [](std::int64_t v) { return v < -kMost || v > kMost; }))
-      throw cannotUse(
-          path_, "its WholeExtent " + inQuotes(header_.whole_extent) + " is not six whole numbers");
-    if (numbers<std::int64_t, 6>(header_.piece_extents[0]) != extent)
-      throw cannotUse(path_, "its piece covers " + inQuotes(header_.piece_extents[0]) +
-                                 " and not the whole extent " + inQuotes(header_.whole_extent));
+      throw cannotUseVti(
+          path_, std::string("its ") + name + " " + inQuotes(text) + " is not six whole numbers");
+    return *extent;
+  }
+
+  // Of points, or of the cells between them.
+  Index3 voxelsOf(const Extent& extent) const {
+    Index3 voxels;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto i = static_cast<std::size_t>(2 * axis);
+      voxels[axis] = extent[i + 1] - extent[i] + (is_of_cells_ ? 0 : 1);
+    }
+    return voxels;
+  }
+
+  void takeGeometry() {
+    whole_ = extentIn(header_.whole_extent, "WholeExtent");
     const glm::dvec3 origin = vector(header_.origin, glm::dvec3(0), "Origin");
     GridGeometry& geometry = info_.geometry;
     geometry.spacing = vector(header_.spacing, glm::dvec3(1), "Spacing");
     takeDirection();
     geometry.origin = origin;
+    info_.voxels = voxelsOf(whole_);
     for (int axis = 0; axis < 3; ++axis) {
-      const auto i = static_cast<std::size_t>(2 * axis);
-      info_.voxels[axis] = (*extent)[i + 1] - (*extent)[i] + 1;
-      // Origin is the position of index 0, which need not be in the extent.
-      geometry.origin +=
-          geometry.direction[axis] * (geometry.spacing[axis] * static_cast<double>((*extent)[i]));
+      // Origin is the position of the point 0, which need not be in the extent.
+      const double first = static_cast<double>(whole_[static_cast<std::size_t>(2 * axis)]) +
+                           (is_of_cells_ ? 0.5 : 0);
+      geometry.origin += geometry.direction[axis] * (geometry.spacing[axis] * first);
     }
     checkVoxelCounts(path_, info_.voxels);
     tidyGeometry(path_, geometry, info_.voxels, info_.notes);
@@ -130,8 +138,8 @@ class VtiOpener {
     if (text.empty()) return otherwise;
     const auto values = numbers<double, 3>(text);
     if (!values)
-      throw cannotUse(path_,
-                      "its " + std::string(name) + " " + inQuotes(text) + " is not three numbers");
+      throw cannotUseVti(
+          path_, "its " + std::string(name) + " " + inQuotes(text) + " is not three numbers");
     return {(*values)[0], (*values)[1], (*values)[2]};
   }
 
@@ -139,133 +147,154 @@ class VtiOpener {
     if (header_.direction.empty()) return;
     const auto rows = numbers<double, 9>(header_.direction);
     if (!rows)
-      throw cannotUse(path_,
-                      "its Direction " + inQuotes(header_.direction) + " is not nine numbers");
+      throw cannotUseVti(path_,
+                         "its Direction " + inQuotes(header_.direction) + " is not nine numbers");
     for (int axis = 0; axis < 3; ++axis)
       for (int row = 0; row < 3; ++row)
         info_.geometry.direction[axis][row] = (*rows)[static_cast<std::size_t>(3 * row + axis)];
   }
 
   // The array that the user named; or the one that the file calls its scalars, or the first that
-  // can be them: of one value per voxel, or of several if one is to be taken of them.
-  void chooseArray() {
-    const auto& arrays = header_.point_arrays;
+  // can be them: of one value per voxel, or of several if one is to be taken of them. Of points, or
+  // else of cells.
+  const VtiArray* findArray(const VtiPiece::Data& data) const {
     const bool wants_several = options_.component.has_value();
     const auto fits = [&](const VtiArray& array) {
       return (array.components > 1) == wants_several;
     };
     const auto isWanted = [&](const VtiArray& array) {
       if (!options_.grid.empty()) return array.name == options_.grid;
-      if (header_.scalars.empty()) return fits(array);
-      return array.name == header_.scalars && (fits(array) || !wants_several);
+      if (data.scalars.empty()) return fits(array);
+      return array.name == data.scalars && (fits(array) || !wants_several);
     };
-    auto chosen = std::find_if(arrays.begin(), arrays.end(), isWanted);
-    if (chosen == arrays.end() && options_.grid.empty())
-      chosen = std::find_if(arrays.begin(), arrays.end(), fits);
-    if (arrays.empty() && header_.has_cell_arrays)
-      throw cannotUse(path_,
-                      "it has values of cells and none of points (ParaView's filter Cell "
-                      "Data to Point Data makes them)");
-    if (chosen == arrays.end() && !options_.grid.empty())
-      throw cannotUse(path_, "it has no array of points named " + inQuotes(options_.grid));
-    if (chosen == arrays.end())
-      throw cannotUse(path_, wants_several
-                                 ? "it has no array of points with several values per voxel"
-                                 : "it has no array of points with one value per voxel");
+    auto chosen = std::find_if(data.arrays.begin(), data.arrays.end(), isWanted);
+    if (chosen == data.arrays.end() && options_.grid.empty())
+      chosen = std::find_if(data.arrays.begin(), data.arrays.end(), fits);
+    return chosen == data.arrays.end() ? nullptr : &*chosen;
+  }
+
+  static std::string listOf(const VtiPiece& piece) {
+    constexpr std::size_t kMostListed = 12;
+    std::string text;
+    std::size_t listed = 0;
+    for (const auto& [data, kind] : {std::pair(&piece.points, "points"), {&piece.cells, "cells"}})
+      for (const VtiArray& array : data->arrays)
+        if (listed++ < kMostListed)
+          text += (text.empty() ? "" : ", ") + inQuotes(array.name) + " of " + kind;
+    return text.empty() ? "none" : text + (listed > kMostListed ? ", ..." : "");
+  }
+
+  void chooseArray() {
+    const VtiPiece& piece = header_.pieces.front();
+    const VtiArray* chosen = findArray(piece.points);
+    is_of_cells_ = chosen == nullptr;
+    if (is_of_cells_) chosen = findArray(piece.cells);
+    if (chosen == nullptr && !options_.grid.empty())
+      throw Error(
+          "'" + path_ + "' has no array " + inQuotes(options_.grid) + "; it has " + listOf(piece),
+          {.path = path_});
+    if (chosen == nullptr)
+      throw cannotUseVti(path_, std::string("it has no array with ") +
+                                    (options_.component ? "several values" : "one value") +
+                                    " per voxel; it has " + listOf(piece));
     array_ = *chosen;
     array_.components = std::max<std::uint64_t>(array_.components, 1);
-    if (array_.components > 1 && !wants_several)
-      throw Error(cannotUse(path_, "its array " + inQuotes(array_.name) + " has " +
-                                       std::to_string(array_.components) +
-                                       " values per voxel (ParaView's filter Calculator takes one "
-                                       "out)")
-                      .what(),
-                  {.path = path_}, {Remedy::kChooseComponent});
+    if (array_.components > 1 && !options_.component)
+      throw Error(
+          cannotUseVti(path_, "its array " + inQuotes(array_.name) + " has " +
+                                  std::to_string(array_.components) +
+                                  " values per voxel (ParaView's filter Calculator takes one "
+                                  "out)")
+              .what(),
+          {.path = path_}, {Remedy::kChooseComponent});
     checkComponentChoice(path_, array_.components, options_);
-    if (arrays.size() > 1)
-      info_.notes.push_back("of " + std::to_string(arrays.size()) + " arrays, " +
-                            inQuotes(array_.name) + " was taken");
+    const std::size_t arrays = piece.points.arrays.size() + piece.cells.arrays.size();
+    if (arrays > 1)
+      info_.notes.push_back("of " + std::to_string(arrays) + " arrays, " + inQuotes(array_.name) +
+                            " was taken");
+    if (is_of_cells_)
+      info_.notes.push_back("its values are those of cells: voxels are their centres");
   }
 
   // ---- where the voxels are --------------------------------------------------------------------
 
-  std::unique_ptr<VolumeSource> openVoxels() {
-    locate();
-    const std::uint64_t first_word = readWord();
-    if (header_.compressor.empty()) {
-      if (first_word != need_bytes_) throw wrongSize(std::to_string(first_word));
-      return openPlain();
+  // A .pvti: each piece is a file of its own.
+  bool isParallel() const { return header_.file_type == "PImageData"; }
+
+  std::unique_ptr<VolumeSource> openFiles() {
+    std::vector<VolumePart> parts;
+    for (const VtiPiece& piece : header_.pieces) {
+      if (lowerExtension(piece.source) != ".vti")
+        throw cannotUseVti(path_, "its piece " + inQuotes(piece.source) + " is no .vti file");
+      VolumePart part;
+      part.source = openVtiSource(
+          (std::filesystem::path(path_).parent_path() / piece.source).string(), options_);
+      const VolumeInfo& info = part.source->info();
+      const Extent extent = extentIn(piece.extent, "piece's Extent");
+      if (parts.empty()) {
+        is_of_cells_ = voxelsOf(extent) != info.voxels;
+        takeGeometry();
+        info_.voxel_type = info.voxel_type;
+        info_.encoding = info.encoding;
+        info_.notes.insert(info_.notes.end(), info.notes.begin(), info.notes.end());
+      }
+      part.first = placeOf(piece, extent);
+      if (voxelsOf(extent) != info.voxels || info.voxel_type != info_.voxel_type)
+        throw cannotUseVti(path_, "its piece " + inQuotes(piece.source) +
+                                      " has not the extent or the type that it says");
+      parts.push_back(std::move(part));
     }
-    return openBlocks(first_word);
+    info_.source = path_;
+    info_.format = "VTK ImageData";
+    return makeAssembledSource(std::move(info_), std::move(parts), {path_});
   }
 
-  // Opens the stream of the array's bytes in the file: numbers of its own, then the voxels.
-  void locate() {
-    is_base64_ = true;
-    at_ = array_.text_at;
-    if (array_.format == "appended") {
-      if (header_.appended_encoding != "raw" && header_.appended_encoding != "base64")
-        throw cannotUse(path_, header_.appended_encoding.empty()
-                                   ? "it has no appended data, which its array needs"
-                                   : "the encoding " + inQuotes(header_.appended_encoding) +
-                                         " of its appended data is unknown");
-      is_base64_ = header_.appended_encoding == "base64";
-      if (array_.offset > file_->size() - header_.appended_at)
-        throw cannotUse(path_, "the offset " + std::to_string(array_.offset) +
-                                   " of its array lies behind the end of the file");
-      at_ = header_.appended_at + array_.offset;
-    } else if (array_.format != "binary") {
-      throw cannotUse(path_, "its voxels are in the format " + inQuotes(array_.format) +
-                                 ", and only appended and binary are read");
+  // Of its first voxel in the whole.
+  Index3 placeOf(const VtiPiece& piece, const Extent& extent) const {
+    Index3 first;
+    for (int axis = 0; axis < 3; ++axis)
+      first[axis] =
+          extent[static_cast<std::size_t>(2 * axis)] - whole_[static_cast<std::size_t>(2 * axis)];
+    if (glm::any(glm::lessThan(first, Index3(0))) ||
+        glm::any(glm::greaterThan(first + voxelsOf(extent), info_.voxels)))
+      throw cannotUseVti(path_, "its piece covers " + inQuotes(piece.extent) +
+                                    ", beyond the whole extent " + inQuotes(header_.whole_extent));
+    return first;
+  }
+
+  std::unique_ptr<VolumeSource> openPieces() {
+    std::vector<VolumePart> parts;
+    for (const VtiPiece& piece : header_.pieces) {
+      const Extent extent = extentIn(piece.extent, "piece's Extent");
+      const Index3 voxels = voxelsOf(extent);
+      if (glm::any(glm::lessThan(voxels, Index3(1)))) continue;  // VTK writes empty pieces, too
+      VolumePart part;
+      part.first = placeOf(piece, extent);
+      takeArrayOf(piece);
+      VolumeInfo info = info_;
+      info.voxels = voxels;
+      part.source =
+          openVtiVoxels(file_, header_, array_, stored_, std::move(info), options_.cancel);
+      if (header_.pieces.size() == 1 && voxels == info_.voxels) return std::move(part.source);
+      parts.push_back(std::move(part));
     }
-    stream_ = is_base64_ ? makeBase64Stream(file_, at_) : makeFileStream(file_, at_);
+    if (parts.empty()) throw cannotUseVti(path_, "its pieces are empty");
+    return makeAssembledSource(std::move(info_), std::move(parts), {path_});
   }
 
-  std::uint64_t wordBytes() const { return header_.header_type == "UInt64" ? 8 : 4; }
-
-  std::uint64_t readWord() {
-    std::array<unsigned char, 8> bytes = {};
-    const auto count = static_cast<std::size_t>(wordBytes());
-    if (stream_->read(bytes.data(), count) != count)
-      throw cannotUse(path_, "its voxels are cut short at their beginning");
-    at_ += count;
-    return loadUnsigned(bytes.data(), count, stored_.big_endian);
-  }
-
-  std::unique_ptr<VolumeSource> openPlain() {
-    if (is_base64_)
-      return openStream(std::move(info_), stored_, std::move(stream_), 0, {path_}, {},
-                        options_.cancel);
-    RawRun run;
-    run.path = run.header_path = path_;
-    run.offset_bytes = at_;
-    return openRawRun(std::move(info_), run, stored_, options_.cancel);
-  }
-
-  std::unique_ptr<VolumeSource> openBlocks(std::uint64_t blocks) {
-    const std::uint64_t block_bytes = readWord();
-    const std::uint64_t last_bytes = readWord();  // 0 if the last block is whole
-    std::uint64_t whole_bytes = 0, have = 0;
-    const std::uint64_t whole_blocks = blocks - (blocks > 0 && last_bytes > 0 ? 1 : 0);
-    const bool fits = block_bytes > 0 && last_bytes <= block_bytes &&
-                      !__builtin_mul_overflow(whole_blocks, block_bytes, &whole_bytes) &&
-                      !__builtin_add_overflow(whole_bytes, last_bytes, &have);
-    if (blocks == 0 || !fits || have != need_bytes_)
-      throw wrongSize(fits ? std::to_string(have)
-                           : std::to_string(blocks) + " blocks of " + std::to_string(block_bytes));
-    // The end of one block is the begin of the next; the list of their sizes is not needed. There
-    // are at most as many blocks as bytes in the file: no product overflows.
-    if (blocks > file_->size() / wordBytes() ||
-        skipBytes(*stream_, blocks * wordBytes()) != blocks * wordBytes())
-      throw cannotUse(path_, "its list of " + std::to_string(blocks) + " blocks is cut short");
-    return openStream(std::move(info_), stored_,
-                      makeInflateBlocksStream(path_, std::move(stream_), block_bytes, need_bytes_),
-                      0, {path_}, {}, options_.cancel);
-  }
-
-  Error wrongSize(const std::string& have) const {
-    return cannotUse(path_, "its array " + inQuotes(array_.name) + " has " + have +
-                                " bytes and its " + "extent needs " + std::to_string(need_bytes_));
+  // The one that was chosen of the first piece.
+  void takeArrayOf(const VtiPiece& piece) {
+    const auto& arrays = (is_of_cells_ ? piece.cells : piece.points).arrays;
+    const auto found = std::find_if(arrays.begin(), arrays.end(), [&](const VtiArray& array) {
+      return array.name == array_.name && array.type == array_.type &&
+             std::max<std::uint64_t>(array.components, 1) == array_.components;
+    });
+    if (found == arrays.end())
+      throw cannotUseVti(path_, "one of its pieces has no array " + inQuotes(array_.name) +
+                                    " like that of the first");
+    const std::uint64_t components = array_.components;
+    array_ = *found;
+    array_.components = components;
   }
 
   std::string path_;
@@ -275,12 +304,8 @@ class VtiOpener {
   VolumeInfo info_;
   VtiArray array_;
   StoredVoxels stored_;
-  std::uint64_t need_bytes_ = 0;
-  // For the array: its encoding, and the first unread byte of it. at_ is that byte of the file only
-  // if nothing is encoded.
-  bool is_base64_ = false;
-  std::uint64_t at_ = 0;
-  std::unique_ptr<ByteStream> stream_;
+  Extent whole_ = {};
+  bool is_of_cells_ = false;
 };
 
 }  // namespace

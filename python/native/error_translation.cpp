@@ -32,7 +32,6 @@ const char* adviceOf(Remedy remedy) {
       return "build the pyramid with curvature=True";
     case Remedy::kChooseComponent:
       return "give component";
-    case Remedy::kChooseChannel:
     case Remedy::kChooseVariant:
       return "give channel";
     case Remedy::kChooseTime:

@@ -13,9 +13,9 @@ inline std::string textWithRemedies(const Error& error) {
                                            "pack",         "replace",         "resume",
                                            "begin anew",   "raw layout",      "correct raw layout",
                                            "dicom float",  "with curvature",  "component",
-                                           "whole floats", "replace dataset", "channel",
-                                           "pack mesh",    "stack",           "time",
-                                           "variant",      "series",          "image"};
+                                           "whole floats", "replace dataset", "pack mesh",
+                                           "stack",        "time",            "variant",
+                                           "series",       "image"};
   std::string text = error.what();
   for (const Remedy remedy : error.remedies())
     text += std::string(" <") + kNames[static_cast<int>(remedy)] + ">";

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,8 @@ struct VtiVariant {
   bool big_endian = false;
   std::size_t block_bytes = 64;
   bool split_header = false;  // base64: the plain header by itself, as some writers do
+  // Packs a block in place of zlib; then VtiFrame::compressor names it.
+  std::function<std::string(const std::string&)> pack = {};
 };
 
 // The numbers before the voxels, and the voxels.
@@ -29,7 +32,8 @@ inline VtiEncoded vtiEncoded(const std::string& bytes, const VtiVariant& v) {
   if (v.zlib) {
     std::vector<std::uint64_t> sizes;
     for (std::size_t at = 0; at < bytes.size(); at += v.block_bytes) {
-      const std::string block = deflated(bytes.substr(at, v.block_bytes), false);
+      const std::string part = bytes.substr(at, v.block_bytes);
+      const std::string block = v.pack ? v.pack(part) : deflated(part, false);
       sizes.push_back(block.size());
       result.data += block;
     }

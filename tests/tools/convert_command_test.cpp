@@ -175,12 +175,13 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
          std::vector<std::pair<std::string, Words>>{{"head.nii", {"--grid", "density"}},
                                                     {"head.nii", {"--channel", "0"}},
                                                     {"head.nrrd", {"--time", "0"}},
-                                                    {"head.h5", {"--time", "0"}},
                                                     {"head.nrrd", {"--dicom-float32"}}}) {
       Words all{command, input, "-o", "a.isb"};
       all.insert(all.end(), words.begin(), words.end());
       expectFailure(2, all, words.front() + " is for ");
     }
+    for (const std::string choice : {"time=0", "channel=0"})
+      expectFailure(1, {command, "head.h5", "-o", "a.isb", "--select", choice}, "to choose");
     expectFailure(1, {command, "head.nii", "-o", "a.isb", "--component", "0"}, "cannot take");
     expectFailure(1, {command, "head.nii", "-o", "a.isb", "--select", "component=0"},
                   "cannot take");

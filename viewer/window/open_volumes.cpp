@@ -5,6 +5,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/hdf5_name.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/output_names.h"
@@ -15,7 +16,8 @@ namespace fs = std::filesystem;
 
 bool isOpenedBeside(const std::string& source) {
   if (isRemotePath(source)) return true;
-  return source.rfind("phantom:", 0) == 0 || (isPresent(source) && !isPyramidFile(source));
+  return source.rfind("phantom:", 0) == 0 ||
+         (isPresent(splitHdf5Name(source).first) && !isPyramidFile(source));
 }
 
 OpenVolumes::OpenVolumes(const ViewOptions& options, const SessionOptions& sessions,
@@ -34,7 +36,7 @@ void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
   nameAfter(source, is_preview ? " (preview)" : "");
   if (is_preview) return;
   files_.say(source == pyramid ? "" : "the pyramid is " + shortPath(pyramid));
-  const bool is_file = isPresent(source);  // no phantom
+  const bool is_file = isPresent(splitHdf5Name(source).first);  // no phantom
   recent_ = withRecent(std::move(recent_), is_file ? absolutePath(source).string() : source);
   writeRecentFiles(recent_path_, recent_);
 }

@@ -55,7 +55,7 @@ class Hdf5Writer {
   Hdf5Writer(const std::string& file, bool is_there, const std::string& path,
              const std::string& dataset, bool replace, const VolumeInfo& info)
       : path_(path), info_(info) {
-    const std::lock_guard lock(hdf5Mutex());
+    const Hdf5Call call;
     file_ = Hdf5Handle(openFile(file, is_there), H5Fclose);
     if (is_there) makeRoomFor(dataset, replace);
     dataset_ = Hdf5Handle(createDataset(dataset), H5Dclose);
@@ -70,7 +70,7 @@ class Hdf5Writer {
   }
 
   void write(const IndexBox& box, const void* voxels) {
-    const std::lock_guard lock(hdf5Mutex());
+    const Hdf5Call call;
     const auto first = slowestFirst(box.first), count = slowestFirst(box.count);
     const Hdf5Handle file_space(H5Dget_space(dataset_.id()), H5Sclose);
     const Hdf5Handle memory_space(H5Screate_simple(3, count.data(), nullptr), H5Sclose);
@@ -82,7 +82,7 @@ class Hdf5Writer {
   }
 
   void finish() {
-    const std::lock_guard lock(hdf5Mutex());
+    const Hdf5Call call;
     if (!dataset_.close() || !file_.close()) throw failed();
   }
 
@@ -98,7 +98,6 @@ class Hdf5Writer {
   }
 
   hid_t openFile(const std::string& file, bool is_there) const {
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     // AtomicFile holds the lock of the file already.
     const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     H5Pset_file_locking(access.id(), false, true);

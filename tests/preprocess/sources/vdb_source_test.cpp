@@ -252,6 +252,22 @@ TEST_F(VdbSourceTest, AGridIsChosenByItsName) {
                   "'smoke' (float), 'fire' (int32)");
 }
 
+TEST_F(VdbSourceTest, GridsOfOneNameAreCounted) {
+  const auto first = fogGrid<openvdb::FloatGrid>("smoke"), second = first->deepCopy();
+  second->tree().setValue(openvdb::Coord(0, 8, 103), 77);
+  const std::string path = writeGrids({fogGrid<openvdb::Int32Grid>("fire"), first, second});
+  EXPECT_CONTAINS(openVdbSource(path)->info().notes[0], "'smoke[0]' was taken");
+  const auto open = [&](const std::string& name) {
+    OpenOptions options;
+    options.grid = name;
+    return openVdbSource(path, options);
+  };
+  checkVoxels(*open("smoke"), *first, kFogMin.offsetBy(-1));
+  checkVoxels(*open("smoke[0]"), *first, kFogMin.offsetBy(-1));
+  checkVoxels(*open("smoke[1]"), *second, kFogMin.offsetBy(-1));
+  EXPECT_CONTAINS(errorOf([&] { open("smoke[2]"); }), "'smoke[0]' (float), 'smoke[1]' (float)");
+}
+
 TEST_F(VdbSourceTest, AGridLargerThanMemoryIsReadSlabBySlab) {
   const auto check = [&](const auto& grid, std::uint32_t packing = openvdb::io::COMPRESS_NONE) {
     // Behind another grid, so that nothing is where a file begins.

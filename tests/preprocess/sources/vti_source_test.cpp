@@ -1,5 +1,7 @@
 // VTK ImageData files, all variants written by hand, and files that must be refused.
 #include <gtest/gtest.h>
+#include <lz4.h>
+#include <lzma.h>
 
 #include <algorithm>
 #include <cstring>
@@ -123,7 +125,7 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
     refuses(fileWith(frame), reason);
   };
   refusesFrame([](VtiFrame& f) { f.file_type = "PolyData"; }, "'PolyData', not ImageData");
-  refusesFrame([](VtiFrame& f) { f.compressor = "vtkLZ4DataCompressor"; }, "vtkLZ4DataCompressor");
+  refusesFrame([](VtiFrame& f) { f.compressor = "vtkBZ2DataCompressor"; }, "vtkBZ2DataCompressor");
   refusesFrame([](VtiFrame& f) { f.image = ""; }, "WholeExtent");
   refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0'"; }, "six whole numbers");
   refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 5 7'"; }, "six whole numbers");
@@ -131,7 +133,9 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
                "six whole numbers");
   refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 9223372036854775807'"; },
                "six whole numbers");
-  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 6'"; }, "not the whole extent");
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 6'"; }, "the voxel 0,0,6");
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 4'"; }, "beyond the whole");
+  refusesFrame([](VtiFrame& f) { f.piece = "Extent='0 6 0 4'"; }, "six whole numbers");
   const auto both = [](VtiFrame& f, const std::string& extent) {
     f.image = "WholeExtent='" + extent + "'";
     f.piece = "Extent='" + extent + "'";
@@ -148,11 +152,14 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
   refusesFrame([](VtiFrame& f) { f.image += " WholeExtent='0 6 0 4 0 5'"; }, "damaged tag");
   refusesFrame([](VtiFrame& f) { f.image = R"(WholeExtent="0 6 0 4 0 5" Spacing="0 1 1")"; },
                "spacing");
-  refusesFrame([](VtiFrame& f) { f.piece += "></Piece><Piece Extent='0 6 0 4 0 5'"; }, "2 pieces");
+  refusesFrame([](VtiFrame& f) { f.piece = "Extent='0 -1 0 4 0 5'"; }, "pieces are empty");
+  refusesFrame([](VtiFrame& f) { f.piece += "></Piece><Piece Extent='0 6 0 4 0 5'"; },
+               "has no array with one value per voxel; it has none");
 
   const VtiVariant v;
   const std::string text = vtiText(vtiEncoded(std::string(210, 'x'), v), v);
-  refuses(vtiBytes("Bit", text, v), "no number");
+  refuses(vtiBytes("String", text, v), "no number");
+  refuses(vtiBytes("Bit", text, v), "bits are packed");
   refuses(vtiBytes("UInt8", text, v, {}, "NumberOfComponents='4'"), "4 values per voxel");
   refuses(vtiBytes("UInt8", text, v, {}, "NumberOfComponents='-1'"), "is no number");
   std::string bytes = fileWith({});
@@ -166,7 +173,7 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
   refuses(with("offset=\"8\"", "offset=\"18446744073709551615\""), "behind the end");
   refuses(with("offset=\"8\"", "offset=\"18446744073709551616\""), "no number");
   refuses(with("offset=\"8\"", "offset=\"7\""), "bytes and its extent needs 210");
-  refuses(with("format='appended'", "format='ascii'"), "'ascii'");
+  refuses(with("format='appended'", "format='hex'"), "'hex'");
   refuses(with("encoding=\"raw\"", "encoding=\"hex\""), "'hex'");
   refuses(with("   _", "   x"), "begin with '_'");
   refuses(with("LittleEndian", "MiddleEndian"), "MiddleEndian");
@@ -181,13 +188,182 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
   std::string deep = "<VTKFile type='ImageData'>";
   for (int i = 0; i < 1000; ++i) deep += "<a>";
   refuses(deep, "too deep");
-  refuses(
-      "<VTKFile type='ImageData'><ImageData WholeExtent='0 6 0 4 0 5'><Piece Extent='0 6 0 4 0 "
-      "5'><CellData><DataArray type='UInt8' format='appended' offset='0'/></CellData></Piece>"
-      "</ImageData></VTKFile>",
-      "values of cells");
   EXPECT_CONTAINS(errorOf([&] { openVtiSource(pathOf("none.vti")); }), "No such file");
   EXPECT_CONTAINS(errorOf([&] { openVtiSource(folder_.string()); }), "not a regular file");
+}
+
+std::string packedByLz4(const std::string& bytes) {
+  std::string packed(static_cast<std::size_t>(LZ4_compressBound(static_cast<int>(bytes.size()))),
+                     '\0');
+  packed.resize(static_cast<std::size_t>(LZ4_compress_default(bytes.data(), packed.data(),
+                                                              static_cast<int>(bytes.size()),
+                                                              static_cast<int>(packed.size()))));
+  return packed;
+}
+
+std::string packedByLzma(const std::string& bytes) {
+  std::string packed(lzma_stream_buffer_bound(bytes.size()), '\0');
+  std::size_t size = 0;
+  EXPECT_EQ(lzma_easy_buffer_encode(
+                1, LZMA_CHECK_CRC32, nullptr, reinterpret_cast<const std::uint8_t*>(bytes.data()),
+                bytes.size(), reinterpret_cast<std::uint8_t*>(packed.data()), &size, packed.size()),
+            LZMA_OK);
+  packed.resize(size);
+  return packed;
+}
+
+TEST_F(VtiSourceTest, ReadsBlocksOfLz4AndLzma) {
+  const auto values = sampleVoxels<std::int16_t>();
+  for (const bool is_lz4 : {true, false})
+    for (const std::string format : {"raw", "base64", "binary"})
+      for (const bool wide : {false, true})
+        for (const bool big : {false, true})
+          for (const std::size_t block : {64u, 105u, 4096u}) {
+            VtiVariant v{format, true, wide, big, block};
+            v.pack = is_lz4 ? packedByLz4 : packedByLzma;
+            VtiFrame frame;
+            frame.compressor = is_lz4 ? "vtkLZ4DataCompressor" : "vtkLZMADataCompressor";
+            const std::string text = vtiText(vtiEncoded(bytesOfValues(values, big), v), v);
+            const std::string whole = vtiBytes("Int16", text, v, frame);
+            const auto source = openVtiSource(write("a.vti", whole));
+            ASSERT_EQ(readVoxels<std::int16_t>(*source, 2), values) << format << wide << big;
+            if (format != "raw" || block != 105) continue;
+            // Damage is noticed, and cut files too.
+            const std::size_t at = whole.find("   _") + 4 + 8 + text.size() / 2;
+            for (std::size_t i = at; i < at + 40; ++i) {
+              std::string damaged = whole;
+              damaged[i] = static_cast<char>(damaged[i] ^ 0x55);
+              try {
+                readAll(*openVtiSource(write("a.vti", damaged)));
+              } catch (const Error& error) {
+                EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+              }
+              EXPECT_CONTAINS(
+                  errorOf([&] { readAll(*openVtiSource(write("a.vti", whole.substr(0, i)))); }),
+                  "cut short");
+            }
+          }
+  VtiVariant v{"raw", true};
+  VtiFrame frame;
+  frame.compressor = "vtkLZ4DataCompressor";
+  EXPECT_CONTAINS(
+      errorOf([&] {
+        readAll(*openVtiSource(write(
+            "a.vti",
+            vtiBytes("UInt8",
+                     bytesOfValues(std::vector<std::uint64_t>{1, 210, 0, ~std::uint64_t{0}}) + "x",
+                     v, frame))));
+      }),
+      "damaged after 0 bytes");
+}
+
+std::string vtiOfArrays(const std::string& extent, const std::string& pieces) {
+  return "<VTKFile type='ImageData' byte_order='BigEndian'><ImageData WholeExtent='" + extent +
+         "' Origin='1 2 3' Spacing='0.5 0.25 2'>" + pieces + "</ImageData></VTKFile>";
+}
+
+std::string textArray(const std::string& type, const std::string& name, const std::string& text) {
+  return "<DataArray type='" + type + "' Name='" + name + "' format='ascii'>" + text +
+         "</DataArray>";
+}
+
+template <typename T>
+std::string textOfNumbers(const std::vector<T>& values, const std::string& separator = " ") {
+  std::string text;
+  for (const T value : values) text += std::to_string(value) + separator;
+  return text;
+}
+
+TEST_F(VtiSourceTest, ReadsNumbersAsText) {
+  const auto open = [&](const std::string& type, const std::string& text) {
+    return openVtiSource(
+        write("a.vti",
+              vtiOfArrays("0 1 0 1 0 1", "<Piece Extent='0 1 0 1 0 1'><PointData>" +
+                                             textArray(type, "a", text) + "</PointData></Piece>")));
+  };
+  EXPECT_EQ(readVoxels<std::int16_t>(*open("Int16", "\n -1 2\t3 4\r\n5 6 7 32767 ")),
+            (std::vector<std::int16_t>{-1, 2, 3, 4, 5, 6, 7, 32767}));
+  EXPECT_EQ(
+      readVoxels<float>(*open("Float32", "0.5 -1e3 inf 4 5 6 7 .25")),
+      (std::vector<float>{0.5F, -1000, std::numeric_limits<float>::infinity(), 4, 5, 6, 7, 0.25F}));
+  EXPECT_EQ(readVoxels<double>(*open("Float64", "1 2 3 4 5 6 7 8")).back(), 8);
+  EXPECT_EQ(readVoxels<std::uint8_t>(*open("Bit", "0 1 0 1 0 0 0 1")),
+            (std::vector<std::uint8_t>{0, 1, 0, 1, 0, 0, 0, 1}));
+  for (const std::string wrong : {"1 2 3 4 5 6 7 x", "1 2 3 4 5 6 7 1.5", "1 2 3 4 5 6 7 40000"})
+    EXPECT_CONTAINS(errorOf([&] { readAll(*open("Int16", wrong)); }), "is no number of its type");
+  EXPECT_CONTAINS(errorOf([&] { readAll(*open("Int16", "1 2 3 4 5 6 7")); }), "ends after 14");
+  EXPECT_CONTAINS(errorOf([&] { readAll(*open("Int16", std::string(100'000, '1'))); }),
+                  "is no number");
+  // Longer than the text that is read at a time.
+  const std::string blanks(40'000, ' ');
+  EXPECT_EQ(readVoxels<std::uint8_t>(*open("UInt8", blanks + "1 2" + blanks + "3 4 5 6 7 8"))[2],
+            3);
+}
+
+TEST_F(VtiSourceTest, ReadsCellsAtTheirCentres) {
+  const std::string cells = textOfNumbers(sampleVoxels<std::uint8_t>());
+  const auto bytes = [&](const std::string& points) {
+    return vtiOfArrays("10 17 0 5 0 6", "<Piece Extent='10 17 0 5 0 6'><PointData>" + points +
+                                            "</PointData><CellData Scalars='a'>" +
+                                            textArray("UInt8", "a", cells) + "</CellData></Piece>");
+  };
+  const auto check = [&](const std::string& path, const OpenOptions& options) {
+    const auto source = openVtiSource(path, options);
+    EXPECT_EQ(source->info().voxels, kVtiVoxels);
+    EXPECT_EQ(source->info().geometry.origin, glm::dvec3(1 + 5.25, 2.125, 4));
+    EXPECT_EQ(readVoxels<std::uint8_t>(*source), sampleVoxels<std::uint8_t>());
+  };
+  check(write("a.vti", bytes("")), {});
+  const std::string both =
+      write("a.vti", bytes(textArray("Int16", "p", textOfNumbers(std::vector<int>(336, 7)))));
+  OpenOptions options;
+  options.grid = "a";
+  check(both, options);
+  EXPECT_EQ(openVtiSource(both)->info().voxels, Index3(8, 6, 7));
+  options.grid = "b";
+  EXPECT_CONTAINS(errorOf([&] { openVtiSource(both, options); }),
+                  "it has 'p' of points, 'a' of cells");
+}
+
+// Pieces of points share their borders, and those of cells do not.
+TEST_F(VtiSourceTest, PutsPiecesTogether) {
+  const auto values = sampleVoxels<std::uint8_t>();
+  const auto pieceOf = [&](const Index3& first, const Index3& last, bool of_cells) {
+    std::vector<int> numbers;
+    const Index3 end = last + Index3(of_cells ? 0 : 1);
+    for (std::int64_t z = first.z; z < end.z; ++z)
+      for (std::int64_t y = first.y; y < end.y; ++y)
+        for (std::int64_t x = first.x; x < end.x; ++x)
+          numbers.push_back(values[static_cast<std::size_t>((z * 5 + y) * 7 + x)]);
+    std::string extent;
+    for (int axis = 0; axis < 3; ++axis)
+      extent += std::to_string(first[axis]) + " " + std::to_string(last[axis]) + " ";
+    const std::string kind = of_cells ? "CellData" : "PointData";
+    return "<Piece Extent='" + extent + "'><" + kind + ">" +
+           textArray("UInt8", "a", textOfNumbers(numbers)) + "</" + kind + "></Piece>";
+  };
+  for (const bool of_cells : {false, true}) {
+    const Index3 last = of_cells ? kVtiVoxels : kVtiVoxels - Index3(1);
+    const std::string whole = of_cells ? "0 7 0 5 0 6" : "0 6 0 4 0 5";
+    std::string pieces;
+    for (const Index3 low : {Index3(0), Index3(3, 0, 0), Index3(0, 2, 0), Index3(3, 2, 0)})
+      pieces += pieceOf(low, {low.x == 0 ? 3 : last.x, low.y == 0 ? 2 : last.y, last.z}, of_cells);
+    const std::string path = write("a.vti", vtiOfArrays(whole, pieces));
+    const auto source = openVtiSource(path);
+    EXPECT_EQ(source->files(), std::vector<std::string>{path});
+    EXPECT_EQ(readVoxels<std::uint8_t>(*source), values);
+    const std::string part = pieceOf(Index3(0), {3, last.y, last.z}, of_cells);
+    EXPECT_CONTAINS(errorOf([&] { openVtiSource(write("b.vti", vtiOfArrays(whole, part))); }),
+                    "none of its pieces has the voxel " + std::string(of_cells ? "3" : "4"));
+  }
+  const std::string other = "<Piece Extent='0 6 0 4 0 5'><PointData>" +
+                            textArray("Int8", "a", "1") + "</PointData></Piece>";
+  EXPECT_CONTAINS(errorOf([&] {
+                    openVtiSource(write(
+                        "b.vti", vtiOfArrays("0 6 0 4 0 5",
+                                             pieceOf(Index3(0), Index3(6, 4, 5), false) + other)));
+                  }),
+                  "like that of the first");
 }
 
 // UInt8 voxels behind words of any value.

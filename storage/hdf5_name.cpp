@@ -1,11 +1,11 @@
-// Names of HDF5 files; built even if the library is left out.
-#include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/storage/hdf5_name.h"
+
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
 
-constexpr const char* kEndings[] = {".h5", ".hdf5", ".hdf", ".he5", ".nxs"};
+constexpr const char* kEndings[] = {".h5", ".hdf5", ".hdf", ".he5", ".nxs", ".nc", ".ims", ".mat"};
 
 }  // namespace
 

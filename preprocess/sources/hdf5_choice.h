@@ -1,0 +1,36 @@
+// Which dataset of an HDF5 file is the volume, and what its program says of it elsewhere in the
+// file. Private to preprocess/sources/.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/preprocess/hdf5_handle.h"
+#include "isobrick/preprocess/sources/bdv_xml.h"
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/storage/grid.h"
+
+namespace isobrick {
+
+struct Hdf5Choice {
+  std::string dataset;
+  // What options.time and options.channel chose among datasets; then they are no index of an axis.
+  bool took_time = false, took_channel = false;
+  std::string encoding = {};  // of what they chose
+  // Of BigDataViewer and Imaris, whose axes are z, y, x:
+  bool is_zyx = false;
+  bool holds_uint16 = false;                  // in numbers of the type int16
+  std::optional<Index3> voxels = {};          // the dataset has more, to fill its chunks
+  std::optional<GridGeometry> geometry = {};  // in `unit`
+  std::string unit = {};
+};
+
+// The dataset `named`; if that is empty, the only one of the file, or the finest level of a
+// BigDataViewer or Imaris file, at the time and of the setup or channel of the options. `name` is
+// the volume's for messages, `xml` that of a BigDataViewer file, or null. Throws Error, with a
+// list, if there are several to choose from. A caller holds an Hdf5Call.
+Hdf5Choice chooseHdf5Dataset(hid_t file, const std::string& name, const std::string& named,
+                             const BdvDataset* xml, const OpenOptions& options);
+
+}  // namespace isobrick
