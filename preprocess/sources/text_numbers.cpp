@@ -18,8 +18,9 @@ constexpr std::size_t kMostWordBytes = 400;  // a double in full has some more t
 
 class TextNumbers final : public ByteStream {
  public:
-  TextNumbers(std::shared_ptr<const InputFile> file, std::uint64_t offset, StoredType type)
-      : file_(std::move(file)), at_(offset), type_(type) {}
+  TextNumbers(std::shared_ptr<const InputFile> file, std::uint64_t offset, StoredType type,
+              std::uint64_t count)
+      : file_(std::move(file)), at_(offset), type_(type), left_(count) {}
 
   std::size_t read(void* out, std::size_t bytes) override {
     std::size_t got = 0;
@@ -32,7 +33,7 @@ class TextNumbers final : public ByteStream {
     return got;
   }
 
-  std::uint64_t bufferBytes() const override { return kTextBytes + 8 * kTextBytes / 2; }
+  std::uint64_t bufferBytes() const override { return 5 * kTextBytes; }
 
  private:
   static constexpr std::size_t kTextBytes = std::size_t{32} << 10;
@@ -43,7 +44,7 @@ class TextNumbers final : public ByteStream {
     numbers_.clear();
     next_ = 0;
     std::string text;
-    while (numbers_.empty() && !ended_) {
+    while (numbers_.empty() && !ended_ && left_ > 0) {
       text.resize(kTextBytes);
       text.resize(file_->readAt(at_, text.data(), text.size()));
       const std::size_t end = text.find('<');
@@ -61,7 +62,7 @@ class TextNumbers final : public ByteStream {
     for (;;) {
       const std::size_t begin = std::min(text.find_first_not_of(kBlanks, at), text.size());
       const std::size_t end = text.find_first_of(kBlanks, begin);
-      if (begin == text.size()) return begin;
+      if (begin == text.size() || left_ == 0) return begin;
       if (end == std::string_view::npos && !ended_) return begin;
       append(text, begin, std::min(end, text.size()));
       at = std::min(end, text.size());
@@ -77,6 +78,7 @@ class TextNumbers final : public ByteStream {
       const std::size_t size = numbers_.size();
       numbers_.resize(size + sizeof(T));
       std::memcpy(numbers_.data() + size, &*number, sizeof(T));
+      --left_;
     });
   }
 
@@ -89,6 +91,7 @@ class TextNumbers final : public ByteStream {
   std::shared_ptr<const InputFile> file_;
   std::uint64_t at_;  // of the text that is read next
   StoredType type_;
+  std::uint64_t left_;  // numbers that were not read yet
   std::vector<std::byte> numbers_;
   std::size_t next_ = 0;  // in numbers_
   bool ended_ = false;
@@ -97,8 +100,9 @@ class TextNumbers final : public ByteStream {
 }  // namespace
 
 std::unique_ptr<ByteStream> makeTextNumbers(std::shared_ptr<const InputFile> file,
-                                            std::uint64_t offset, StoredType type) {
-  return std::make_unique<TextNumbers>(std::move(file), offset, type);
+                                            std::uint64_t offset, StoredType type,
+                                            std::uint64_t count) {
+  return std::make_unique<TextNumbers>(std::move(file), offset, type, count);
 }
 
 }  // namespace isobrick

@@ -29,8 +29,9 @@ class VtiVoxels {
     need_bytes_ = *bytes;
     if (array_.format == "ascii")
       return openStream(std::move(info), stored_,
-                        makeTextNumbers(file_, array_.text_at, stored_.type), 0, {file_->path()},
-                        {}, cancel_);
+                        makeTextNumbers(file_, array_.text_at, stored_.type,
+                                        need_bytes_ / storedBytes(stored_.type)),
+                        0, {file_->path()}, {}, cancel_);
     if (array_.type == "Bit")
       throw cannotUseVti(file_->path(),
                          "its bits are packed, and only those written as text are read");

@@ -366,6 +366,101 @@ TEST_F(VtiSourceTest, PutsPiecesTogether) {
                   "like that of the first");
 }
 
+TEST_F(VtiSourceTest, PutsTheFilesOfAPvtiTogether) {
+  const auto values = sampleVoxels<std::uint8_t>();
+  for (const std::int64_t low : {0, 3}) {
+    std::vector<int> numbers;
+    for (std::int64_t i = low * 35; i < (low == 0 ? 4 : 6) * 35; ++i)
+      numbers.push_back(values[static_cast<std::size_t>(i)]);
+    const std::string extent = low == 0 ? "0 6 0 4 0 3" : "0 6 0 4 3 5";
+    write("p_" + std::to_string(low) + ".vti",
+          vtiOfArrays(extent, "<Piece Extent='" + extent + "'><PointData>" +
+                                  textArray("UInt8", "a", textOfNumbers(numbers)) +
+                                  "</PointData></Piece>"));
+  }
+  const auto pvti = [&](const std::string& second) {
+    return write("p.pvti",
+                 "<VTKFile type='PImageData'><PImageData WholeExtent='0 6 0 4 0 5' Origin='1 2 3' "
+                 "Spacing='0.5 0.25 2'><PPointData><PDataArray type='UInt8' Name='a'/></PPointData>"
+                 "<Piece Extent='0 6 0 4 0 3' Source='p_0.vti'/><Piece " +
+                     second + "/></PImageData></VTKFile>");
+  };
+  const std::string path = pvti("Extent='0 6 0 4 3 5' Source='p_3.vti'");
+  const auto source = openVtiSource(path);
+  EXPECT_EQ(source->info().geometry.origin, glm::dvec3(1, 2, 3));
+  EXPECT_EQ(source->files(),
+            (std::vector<std::string>{path, pathOf("p_0.vti"), pathOf("p_3.vti")}));
+  EXPECT_EQ(readVoxels<std::uint8_t>(*source), values);
+  const auto refuses = [&](const std::string& second, const std::string& why) {
+    EXPECT_CONTAINS(errorOf([&] { openVtiSource(pvti(second)); }), why);
+  };
+  refuses("Extent='0 6 0 4 3 5' Source='none.vti'", "none.vti");
+  refuses("Extent='0 6 0 4 4 5' Source='p_3.vti'", "has not the extent");
+  refuses("Extent='0 6 0 4 3 5' Source='p.pvti'", "is no .vti file");
+}
+
+TEST_F(VtiSourceTest, ReadsStructuredPointsOfTheLegacyFormat) {
+  const auto values = sampleVoxels<std::int16_t>();
+  std::vector<float> cells(6 * 4 * 5);
+  for (std::size_t i = 0; i < cells.size(); ++i) cells[i] = static_cast<float>(i);
+  for (const bool is_text : {false, true}) {
+    const auto valuesOf = [&](const auto& numbers) {
+      return (is_text ? textOfNumbers(numbers) : bytesOfValues(numbers, true)) + "\n";
+    };
+    const std::string bytes =
+        std::string("# vtk DataFile Version 5.1\na title of several words\n") +
+        (is_text ? "ASCII" : "BINARY") +
+        "\nDATASET STRUCTURED_POINTS\nFIELD FieldData 1\nTIME 1 1 double\n" +
+        valuesOf(std::vector<double>{7}) +
+        "DIMENSIONS 7 5 6\nSPACING 0.5 0.25 2\nORIGIN 1 2 3\nCELL_DATA 120\nSCALARS q float 1\n"
+        "LOOKUP_TABLE default\n" +
+        valuesOf(cells) +
+        "METADATA\nINFORMATION 1\nNAME x LOCATION y\nDATA 1\n\nPOINT_DATA 210\n"
+        "VECTORS wind char\n" +
+        valuesOf(std::vector<std::int8_t>(630, 1)) + "SCALARS a%20b short\nLOOKUP_TABLE default\n" +
+        valuesOf(values) + "FIELD FieldData 1\nmore 1 210 unsigned_char\n" +
+        valuesOf(std::vector<std::uint8_t>(210, 9));
+    const std::string path = write("a.vtk", bytes);
+    const auto source = openVtiSource(path);
+    EXPECT_EQ(source->info().voxels, kVtiVoxels);
+    EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(0.5, 0.25, 2));
+    EXPECT_EQ(source->info().geometry.origin, glm::dvec3(1, 2, 3));
+    EXPECT_EQ(readVoxels<std::int16_t>(*source), values);
+    OpenOptions options;
+    options.grid = "more";
+    EXPECT_EQ(readVoxels<std::uint8_t>(*openVtiSource(path, options)),
+              std::vector<std::uint8_t>(210, 9));
+    options.grid = "q";
+    const auto of_cells = openVtiSource(path, options);
+    EXPECT_EQ(of_cells->info().geometry.origin, glm::dvec3(1.25, 2.125, 4));
+    EXPECT_EQ(readVoxels<float>(*of_cells), cells);
+    options.grid = "none";
+    EXPECT_CONTAINS(errorOf([&] { openVtiSource(path, options); }), "'a b' of points");
+    const std::size_t begin = bytes.find("LOOKUP_TABLE default\n" + valuesOf(values)) + 21;
+    // Between these, the values of the cells are whole.
+    const std::size_t first = bytes.find("SCALARS q");
+    for (std::size_t size = 0; size < begin + (is_text ? 300 : 420); size += 5)
+      if (size < first || size > begin)
+        EXPECT_CONTAINS(
+            errorOf([&] { readAll(*openVtiSource(write("a.vtk", bytes.substr(0, size)))); }),
+            "a.vtk");
+  }
+  const auto refuses = [&](const std::string& text, const std::string& why) {
+    EXPECT_CONTAINS(errorOf([&] { openVtiSource(write("a.vtk", "# vtk\nt\n" + text)); }), why);
+  };
+  refuses("BINARY\nDATASET POLYDATA\n", "'POLYDATA'");
+  refuses("HEX\n", "neither ASCII nor BINARY");
+  refuses("ASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 7 x 6\n", "no number");
+  refuses(
+      "BINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 7 5 6\nPOINT_DATA 210\nSCALARS a bit\n"
+      "LOOKUP_TABLE default\n",
+      "bits are packed");
+  refuses(
+      "BINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 7 5 6\nPOINT_DATA 9223372036854775807\n"
+      "SCALARS a double 1000\nLOOKUP_TABLE default\n",
+      "no number of values");
+}
+
 // UInt8 voxels behind words of any value.
 std::string fileWithWords(const std::vector<std::uint64_t>& words, const std::string& data) {
   VtiVariant v;
