@@ -118,8 +118,11 @@ struct BitshuffleFormat {
 class BitshuffleChunk {
  public:
   BitshuffleChunk(const BitshuffleFormat& format, std::span<const Byte> in)
-      : format_(format), in_(in), out_bytes_(in.size()) {
-    if (format_.packing == BitshuffleFormat::kNone) return;
+      : format_(format), in_(in) {
+    if (format_.packing == BitshuffleFormat::kNone) {
+      out_bytes_ = in.size();
+      return;
+    }
     // Its own header: bytes of the chunk and of a block.
     const Byte* const header = take(12);
     if (header == nullptr) return;
@@ -180,7 +183,7 @@ class BitshuffleChunk {
 
   BitshuffleFormat format_;
   std::span<const Byte> in_;
-  std::size_t out_bytes_;
+  std::size_t out_bytes_ = 0;
 };
 
 std::size_t unpackBitshuffle(unsigned flags, std::size_t count, const unsigned* values,

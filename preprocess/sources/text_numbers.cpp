@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -73,7 +75,9 @@ class TextNumbers final : public ByteStream {
     const std::string_view word = text.substr(begin, end - begin);
     visitStoredType(type_, [&](auto tag) {
       using T = typename decltype(tag)::Type;
-      const auto number = word.size() > kMostWordBytes ? std::nullopt : numberIn<T>(word);
+      std::optional<T> number;
+      if constexpr (std::is_arithmetic_v<T>)
+        if (word.size() <= kMostWordBytes) number = numberIn<T>(word);
       if (!number) throw noNumber(word, begin);
       const std::size_t size = numbers_.size();
       numbers_.resize(size + sizeof(T));
