@@ -440,10 +440,11 @@ TEST_F(VtiSourceTest, ReadsStructuredPointsOfTheLegacyFormat) {
     // Between these, the values of the cells are whole.
     const std::size_t first = bytes.find("SCALARS q");
     for (std::size_t size = 0; size < begin + (is_text ? 300 : 420); size += 5)
-      if (size < first || size > begin)
+      if (size < first || size > begin) {
         EXPECT_CONTAINS(
             errorOf([&] { readAll(*openVtiSource(write("a.vtk", bytes.substr(0, size)))); }),
             "a.vtk");
+      }
   }
   const auto refuses = [&](const std::string& text, const std::string& why) {
     EXPECT_CONTAINS(errorOf([&] { openVtiSource(write("a.vtk", "# vtk\nt\n" + text)); }), why);
