@@ -66,8 +66,8 @@ struct OpenOptions {
   std::optional<std::int64_t> time;
   // See time.
   std::optional<std::int64_t> channel;
-  // Number of the image to take from a file with several (TIFF), from 0; without it the only one
-  // that is a volume (Error if there are several).
+  // Number of the image to take from a file or store with several (TIFF, Zarr), from 0; without it
+  // the only one that is a volume (Error if there are several).
   std::optional<std::int64_t> image;
   // The component to take from NRRD, MetaImage, NIfTI and VTI with several values per voxel.
   // Without it such volumes are refused; with it all others are.

@@ -49,11 +49,30 @@ bool takeChecksum(std::vector<std::byte>& bytes) {
   return crc32c(bytes) == stated;
 }
 
+// Those of the specification, and what the numcodecs library adds.
+constexpr std::pair<const char*, ZarrCodec> kCodecs[] = {
+    {"blosc", ZarrCodec::kBlosc}, {"gzip", ZarrCodec::kGzip}, {"zstd", ZarrCodec::kZstd},
+    {"zlib", ZarrCodec::kZlib},   {"lz4", ZarrCodec::kLz4},   {"bz2", ZarrCodec::kBz2},
+    {"lzma", ZarrCodec::kLzma}};
+
 std::optional<ZarrCodec> codecNamed(const std::string& name) {
-  if (name == "blosc") return ZarrCodec::kBlosc;
-  if (name == "gzip") return ZarrCodec::kGzip;
-  if (name == "zstd") return ZarrCodec::kZstd;
+  for (const auto& [known, codec] : kCodecs)
+    if (name == known) return codec;
   return std::nullopt;
+}
+
+std::string codecNames() {
+  std::string names;
+  for (const auto& [name, codec] : kCodecs)
+    names += (names.empty() ? "" : ", ") + std::string(name);
+  return names;
+}
+
+// In version 3 the codecs of numcodecs have its name in front.
+std::string codecName(const Json& codec) {
+  constexpr std::string_view kPrefix = "numcodecs.";
+  const std::string name = textOf(codec.is_string() ? codec : member(codec, "name"));
+  return name.starts_with(kPrefix) ? name.substr(kPrefix.size()) : name;
 }
 
 }  // namespace
@@ -101,7 +120,7 @@ void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
   }
 }
 
-void ZarrArray::setType(const std::string& name) {
+StoredType ZarrArray::typeNamed(const std::string& name) const {
   auto type = storedTypeNamed(name);
   if (name == "bool" || name == "b1") type = StoredType::kUint8;
   if (name.size() == 2 && !type)  // "i4"
@@ -109,7 +128,7 @@ void ZarrArray::setType(const std::string& name) {
   if (!type)
     refuse("its voxels are of the type " + quotedText(name, 40) +
            ", which is none of the integers and floats that are read");
-  stored_.type = *type;
+  return *type;
 }
 
 void ZarrArray::setOrder(const Indices& slowest_first) {
@@ -152,21 +171,15 @@ void ZarrArray::readVersion2(const Json& json) {
   takeShape(json, "shape", shape_);
   takeShape(json, "chunks", chunk_);
   outer_ = chunk_;
-  const std::string type = textOf(member(json, "dtype"));
-  if (type.size() < 3 || (type[0] != '<' && type[0] != '>' && type[0] != '|'))
-    refuse("its dtype " + quotedJson(member(json, "dtype")) + " is no number");
-  setType(type.substr(1));
-  stored_.big_endian = type[0] == '>' && stored_.bytes() > 1;
-  if (const Json& filters = member(json, "filters");
-      !filters.is_null() && !(filters.is_array() && filters.empty()))
-    refuse("its filters " + quotedJson(filters) + " are not read");
+  stored_ = numpyType(member(json, "dtype"));
+  readFilters(member(json, "filters"));
   const Json& compressor = member(json, "compressor");
   if (!compressor.is_null()) {
     const std::string id = textOf(member(compressor, "id"));
-    const auto codec = id == "zlib" ? ZarrCodec::kZlib : codecNamed(id);
-    if (!codec)
-      refuse("its compressor " + quotedText(id, 40) + " is not read (blosc, zlib, gzip, zstd are)");
-    pipeline_.codec = *codec;
+    if (const auto codec = codecNamed(id))
+      pipeline_.codec = *codec;
+    else if (!takeFilter(id, compressor, pipeline_))
+      refuse("its compressor " + quotedText(id, 40) + " is not read (" + codecNames() + " are)");
   }
   const std::string order = textOf(member(json, "order"));
   if (order != "C" && order != "F") refuse("its order is neither C nor F");
@@ -179,13 +192,62 @@ void ZarrArray::readVersion2(const Json& json) {
   takeSeparator(json, "dimension_separator");
 }
 
-ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs, bool in_shard) {
+// "<i4": the order of its bytes, its kind and its size.
+StoredVoxels ZarrArray::numpyType(const Json& name) const {
+  const std::string text = textOf(name);
+  if (text.size() < 3 || (text[0] != '<' && text[0] != '>' && text[0] != '|'))
+    refuse("its dtype " + quotedJson(name) + " is no number");
+  StoredVoxels stored;
+  stored.type = typeNamed(text.substr(1));
+  stored.big_endian = text[0] == '>' && stored.bytes() > 1;
+  return stored;
+}
+
+void ZarrArray::readFilters(const Json& filters) {
+  if (filters.is_null()) return;
+  constexpr std::size_t kMostFilters = 4;
+  if (!filters.is_array() || filters.size() > kMostFilters)
+    refuse("its filters " + quotedJson(filters) + " are not read");
+  for (const Json& filter : filters)
+    if (!takeFilter(textOf(member(filter, "id")), filter, pipeline_))
+      refuse("its filter " + quotedJson(filter) + " is not read (delta, shuffle and bitround are)");
+}
+
+// False for a filter that is not read.
+bool ZarrArray::takeFilter(const std::string& name, const Json& configuration, Pipeline& pipeline) {
+  if (name == "bitround") return true;  // what is left needs nothing
+  ZarrFilter filter;
+  if (name == "shuffle") {
+    const Json& bytes = member(configuration, "elementsize");
+    if (!bytes.is_number_unsigned() || bytes.get<std::uint64_t>() == 0 ||
+        bytes.get<std::uint64_t>() > 64)
+      refuse("the elementsize of its filter shuffle is not possible");
+    filter.shuffled_bytes = static_cast<std::size_t>(bytes.get<std::uint64_t>());
+  } else if (name == "delta") {
+    filter.kind = ZarrFilter::Kind::kDelta;
+    filter.unpacked = numpyType(member(configuration, "dtype"));
+    const Json& packed = member(configuration, "astype");
+    filter.packed = packed.is_null() ? filter.unpacked : numpyType(packed);
+    const auto isFloat = [](const StoredVoxels& v) { return infoOf(v.type).name[0] == 'f'; };
+    const bool is_same_type = filter.packed.type == filter.unpacked.type;
+    if (filter.unpacked.bytes() != stored_.bytes() || !pipeline.filters.empty() ||
+        (isFloat(filter.unpacked) && filter.unpacked.bytes() < 4) ||
+        (!is_same_type && (isFloat(filter.packed) || isFloat(filter.unpacked))))
+      refuse("its filter " + quotedJson(configuration) + " is not read for voxels of its type");
+  } else {
+    return false;
+  }
+  pipeline.filters.push_back(filter);
+  return true;
+}
+
+ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs) {
   if (!codecs.is_array() || codecs.empty()) refuse("it has no list of codecs");
   Pipeline pipeline;
   bool has_bytes = false;
   Indices axes = allAxes(chunk_.size());
   for (const Json& codec : codecs) {
-    const std::string name = textOf(member(codec, "name"));
+    const std::string name = codecName(codec);
     const Json& configuration = member(codec, "configuration");
     if (name == "transpose" && !has_bytes) {
       const Json& order = member(configuration, "order");
@@ -210,14 +272,42 @@ ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs, bool in_shard) {
       ++(pipeline.codec == ZarrCodec::kNone ? pipeline.checksums_before : pipeline.checksums_after);
     } else if (codecNamed(name) && has_bytes && pipeline.codec == ZarrCodec::kNone) {
       pipeline.codec = *codecNamed(name);
-    } else {
-      refuse("its codec " + quotedText(name, 40) + " is not read" + (in_shard ? " in shards" : ""));
+    } else if (pipeline.codec != ZarrCodec::kNone || pipeline.checksums_before > 0 ||
+               !takeFilter(name, configuration, pipeline)) {
+      refuse("its codec " + quotedText(name, 40) + " is not read" +
+             (shards_.empty() ? "" : " in shards"));
     }
-    if (pipeline.checksums_before + pipeline.checksums_after > 4) refuse("it has too many codecs");
+    constexpr std::size_t kMostCodecs = 8;
+    if (codecs.size() > kMostCodecs) refuse("it has too many codecs");
   }
   if (!has_bytes) refuse("its codecs make no bytes");
   setOrder(axes);
   return pipeline;
+}
+
+// Of chunks, or of smaller shards.
+void ZarrArray::readShard(const Json& configuration) {
+  Shard shard;
+  shard.shape = chunk_;
+  takeShape(configuration, "chunk_shape", chunk_);
+  if (chunk_.size() != shape_.size()) refuse("its shards have another number of axes");
+  for (std::size_t i = 0; i < chunk_.size(); ++i)
+    if (shard.shape[i] % chunk_[i] != 0) refuse("its shards are no multiples of their chunks");
+  const std::string place = textOf(member(configuration, "index_location"));
+  if (place != "" && place != "end" && place != "start") refuse("its index_location is not read");
+  shard.index_at_start = place == "start";
+  const Json& codecs = member(configuration, "index_codecs");
+  const auto nameOf = [&](std::size_t i) {
+    return codecs.is_array() && i < codecs.size() ? codecName(codecs[i]) : std::string();
+  };
+  if (nameOf(0) != "bytes" ||
+      textOf(member(member(codecs[0], "configuration"), "endian")) != "little" ||
+      codecs.size() > 2 || (codecs.size() == 2 && nameOf(1) != "crc32c"))
+    refuse("the codecs of its index are not little-endian bytes with or without crc32c");
+  shard.index_has_checksum = codecs.size() == 2;
+  constexpr std::size_t kMostShards = 4;
+  if (shards_.size() == kMostShards) refuse("its shards are nested too deep");
+  shards_.push_back(std::move(shard));
 }
 
 void ZarrArray::readVersion3(const Json& json) {
@@ -230,7 +320,7 @@ void ZarrArray::readVersion3(const Json& json) {
   chunk_ = outer_;
   if (chunk_.size() != shape_.size())
     refuse("its shape and its chunks have different numbers of axes");
-  setType(textOf(member(json, "data_type")));
+  stored_.type = typeNamed(textOf(member(json, "data_type")));
   setFill(member(json, "fill_value"));
   const Json& keys = member(json, "chunk_key_encoding");
   const std::string encoding = textOf(member(keys, "name"));
@@ -241,34 +331,15 @@ void ZarrArray::readVersion3(const Json& json) {
   if (const Json& names = member(json, "dimension_names"); names.is_array())
     for (const Json& name : names) axis_names_.push_back(textOf(name));
   if (axis_names_.size() != shape_.size()) axis_names_.clear();
-  const Json& codecs = member(json, "codecs");
-  const Json first = codecs.is_array() && !codecs.empty() ? codecs.front() : Json();
-  if (textOf(member(first, "name")) != "sharding_indexed") {
-    pipeline_ = readCodecs(codecs, false);
-    return;
+  const Json* codecs = &member(json, "codecs");
+  while (codecs->is_array() && !codecs->empty() &&
+         codecName(codecs->front()) == "sharding_indexed") {
+    if (codecs->size() != 1) refuse("its shards are packed once more, which is not read");
+    const Json& configuration = member(codecs->front(), "configuration");
+    readShard(configuration);
+    codecs = &member(configuration, "codecs");
   }
-  if (codecs.size() != 1) refuse("its shards are packed once more, which is not read");
-  is_sharded_ = true;
-  const Json& configuration = member(first, "configuration");
-  takeShape(configuration, "chunk_shape", chunk_);
-  if (chunk_.size() != shape_.size()) refuse("its shards have another number of axes");
-  for (std::size_t i = 0; i < chunk_.size(); ++i)
-    if (outer_[i] % chunk_[i] != 0) refuse("its shards are no multiples of their chunks");
-  pipeline_ = readCodecs(member(configuration, "codecs"), true);
-  const std::string place = textOf(member(configuration, "index_location"));
-  if (place != "" && place != "end" && place != "start") refuse("its index_location is not read");
-  index_at_start_ = place == "start";
-  const Json& index_codecs = member(configuration, "index_codecs");
-  const auto indexCodec = [&](std::size_t i) {
-    return index_codecs.is_array() && i < index_codecs.size()
-               ? textOf(member(index_codecs[i], "name"))
-               : std::string();
-  };
-  if (indexCodec(0) != "bytes" ||
-      textOf(member(member(index_codecs[0], "configuration"), "endian")) != "little" ||
-      index_codecs.size() > 2 || (index_codecs.size() == 2 && indexCodec(1) != "crc32c"))
-    refuse("the codecs of its index are not little-endian bytes with or without crc32c");
-  index_has_checksum_ = index_codecs.size() == 2;
+  pipeline_ = readCodecs(*codecs);
 }
 
 void ZarrArray::checkSizes() {
@@ -281,13 +352,26 @@ void ZarrArray::checkSizes() {
   };
   check(chunk_, std::max<std::uint64_t>(stored_.bytes(), voxelBytes(stored_.delivered())),
         "chunks");
-  Indices in_shard;
-  for (std::size_t i = 0; i < chunk_.size(); ++i) in_shard.push_back(outer_[i] / chunk_[i]);
-  check(in_shard, 16, "indices of shards");
+  for (std::size_t s = 0; s < shards_.size(); ++s) check(chunksOf(s), 16, "indices of shards");
 }
 
 std::size_t ZarrArray::storedChunkBytes() const {
   return static_cast<std::size_t>(product(chunk_)) * stored_.bytes();
+}
+
+// As they are packed.
+std::size_t ZarrArray::filteredChunkBytes() const {
+  std::size_t bytes = storedChunkBytes();
+  for (const ZarrFilter& filter : pipeline_.filters) bytes = filter.packedBytes(bytes);
+  return bytes;
+}
+
+ZarrArray::Indices ZarrArray::chunksOf(std::size_t shard) const {
+  const Indices& inner = shard + 1 < shards_.size() ? shards_[shard + 1].shape : chunk_;
+  Indices count;
+  for (std::size_t i = 0; i < inner.size(); ++i)
+    count.push_back(shards_[shard].shape[i] / inner[i]);
+  return count;
 }
 
 std::uint64_t ZarrArray::chunkBytes() const {
@@ -312,6 +396,37 @@ void ZarrArray::throwIfStoreWentAway() const {
                          {.path = folder_});
 }
 
+// The part of a shard, whose bytes are `run` of the file, with the chunk of this index; nothing if
+// it is not stored.
+std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const InputFile& file, std::size_t shard,
+                                                         ByteRun run, const Indices& index) const {
+  const auto damaged = [&](const std::string& why) {
+    return unreadable(file.path(), why + "; get the whole store again");
+  };
+  const Indices count = chunksOf(shard);
+  std::int64_t row = 0;
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    const std::int64_t inner = shards_[shard].shape[i] / count[i];
+    row = row * count[i] + index[i] * chunk_[i] / inner % count[i];
+  }
+  const bool has_checksum = shards_[shard].index_has_checksum;
+  std::vector<std::byte> table(static_cast<std::size_t>(product(count)) * 16 +
+                               (has_checksum ? 4 : 0));
+  if (run.bytes < table.size()) throw damaged("it is shorter than the index of a shard");
+  const std::uint64_t at =
+      shards_[shard].index_at_start ? run.offset : run.offset + run.bytes - table.size();
+  if (file.readAt(at, table.data(), table.size()) != table.size())
+    throw damaged("it became shorter meanwhile");
+  if (has_checksum && !takeChecksum(table))
+    throw damaged("the index of the shard fails its checksum");
+  const ByteRun found = {loadNumber<std::uint64_t>(table.data() + 16 * row, false),
+                         loadNumber<std::uint64_t>(table.data() + 16 * row + 8, false)};
+  if (found.offset == ~std::uint64_t{0} && found.bytes == ~std::uint64_t{0}) return std::nullopt;
+  if (found.offset > run.bytes || found.bytes > run.bytes - found.offset)
+    throw damaged("its index names bytes behind its end");
+  return ByteRun{run.offset + found.offset, found.bytes};
+}
+
 bool ZarrArray::readPacked(const std::string& path, const Indices& index,
                            std::vector<std::byte>& out) const {
   if (!inputIsThere(path)) {
@@ -322,35 +437,15 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
   const auto damaged = [&](const std::string& why) {
     return unreadable(path, why + "; get the whole store again");
   };
-  const std::uint64_t most = mostPackedBytes(storedChunkBytes()) + 64;
-  std::uint64_t offset = 0, bytes = file.size();
-  if (is_sharded_) {
-    std::int64_t chunks = 1, row = 0;
-    for (std::size_t i = 0; i < chunk_.size(); ++i) {
-      const std::int64_t in_shard = outer_[i] / chunk_[i];
-      row = row * in_shard + index[i] % in_shard;
-      chunks *= in_shard;
-    }
-    const std::uint64_t index_bytes =
-        static_cast<std::uint64_t>(chunks) * 16 + (index_has_checksum_ ? 4 : 0);
-    if (file.size() < index_bytes) throw damaged("it is shorter than the index of a shard");
-    std::vector<std::byte> table(static_cast<std::size_t>(index_bytes));
-    if (file.readAt(index_at_start_ ? 0 : file.size() - index_bytes, table.data(), table.size()) !=
-        table.size())
-      throw damaged("it became shorter meanwhile");
-    if (index_has_checksum_ && !takeChecksum(table))
-      throw damaged("the index of the shard fails its checksum");
-    offset = loadNumber<std::uint64_t>(table.data() + 16 * row, false);
-    bytes = loadNumber<std::uint64_t>(table.data() + 16 * row + 8, false);
-    if (offset == ~std::uint64_t{0} && bytes == ~std::uint64_t{0}) return false;
-    if (offset > file.size() || bytes > file.size() - offset)
-      throw damaged("its index names bytes behind its end");
-  }
-  if (bytes > most)
-    throw damaged("a chunk takes " + std::to_string(bytes) + " bytes there, and unpacked " +
+  std::optional<ByteRun> run = ByteRun{0, file.size()};
+  for (std::size_t shard = 0; run && shard < shards_.size(); ++shard)
+    run = findInShard(file, shard, *run, index);
+  if (!run) return false;
+  if (run->bytes > mostPackedBytes(filteredChunkBytes()) + 64)
+    throw damaged("a chunk takes " + std::to_string(run->bytes) + " bytes there, and unpacked " +
                   std::to_string(storedChunkBytes()));
-  out.resize(static_cast<std::size_t>(bytes));
-  if (file.readAt(offset, out.data(), out.size()) != out.size())
+  out.resize(static_cast<std::size_t>(run->bytes));
+  if (file.readAt(run->offset, out.data(), out.size()) != out.size())
     throw damaged("it became shorter meanwhile");
   return true;
 }
@@ -367,9 +462,14 @@ void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
     }
   };
   takeChecksums(packed, pipeline_.checksums_after);
-  out.resize(storedChunkBytes() + 4 * static_cast<std::size_t>(pipeline_.checksums_before));
+  out.resize(filteredChunkBytes() + 4 * static_cast<std::size_t>(pipeline_.checksums_before));
   if (const std::string why = unpackZarr(pipeline_.codec, packed, out); !why.empty()) fail(why);
   takeChecksums(out, pipeline_.checksums_before);
+  for (std::size_t i = pipeline_.filters.size(); i-- > 0;) {
+    std::swap(packed, out);
+    // Only the first filter in the order of writing may change the number of bytes.
+    undoZarrFilter(pipeline_.filters[i], packed, i == 0 ? storedChunkBytes() : packed.size(), out);
+  }
 }
 
 bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) const {

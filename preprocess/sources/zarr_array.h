@@ -4,20 +4,42 @@
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 
 namespace isobrick {
 
-enum class ZarrCodec { kNone, kBlosc, kZlib, kGzip, kZstd };
+enum class ZarrCodec { kNone, kBlosc, kZlib, kGzip, kZstd, kLz4, kBz2, kLzma };
 
 // Unpacks `packed`, which must become exactly out.size() bytes. Returns its fault, fit for "...:
 // FAULT", or nothing. Input is hostile: nothing is read or written beyond the spans.
 std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
                        std::span<std::byte> out);
+
+// What was done to the numbers of a chunk before it was packed.
+struct ZarrFilter {
+  // kDelta: from the second on, the difference to the number before, as `packed`.
+  // kShuffle: the first bytes of all numbers, then the second ones, and so on.
+  enum class Kind { kDelta, kShuffle };
+
+  Kind kind = Kind::kShuffle;
+  std::size_t shuffled_bytes = 1;  // of a number
+  StoredVoxels packed, unpacked;   // of kDelta; both integers or both floats
+
+  // Of as many numbers as `bytes` unpacked bytes have.
+  std::size_t packedBytes(std::size_t bytes) const {
+    return kind == Kind::kDelta ? bytes / unpacked.bytes() * packed.bytes() : bytes;
+  }
+};
+
+// Undoes a filter; `out` becomes `bytes` long, of which `packed` has filter.packedBytes().
+void undoZarrFilter(const ZarrFilter& filter, std::span<const std::byte> packed, std::size_t bytes,
+                    std::vector<std::byte>& out);
 
 // The most that `bytes` unpacked bytes can take packed: no more than that is ever read.
 std::uint64_t mostPackedBytes(std::uint64_t bytes);
@@ -60,18 +82,31 @@ class ZarrArray {
   std::vector<std::string> files(const Indices& fixed) const;
 
  private:
-  // How a chunk becomes bytes, as far as is read: permuted axes, then at most one packer, with
-  // checksums before and after it.
+  // How a chunk becomes bytes, as far as is read: permuted axes, then filters, then at most one
+  // packer, with checksums before and after it.
   struct Pipeline {
+    std::vector<ZarrFilter> filters;  // in the order of writing
     ZarrCodec codec = ZarrCodec::kNone;
     int checksums_before = 0, checksums_after = 0;
+  };
+  // Chunks, or smaller shards, behind one another with a table of their places.
+  struct Shard {
+    Indices shape;
+    bool index_at_start = false, index_has_checksum = false;
+  };
+  struct ByteRun {
+    std::uint64_t offset = 0, bytes = 0;
   };
 
   void readVersion2(const nlohmann::json& json);
   void readVersion3(const nlohmann::json& json);
-  Pipeline readCodecs(const nlohmann::json& codecs, bool in_shard);
+  Pipeline readCodecs(const nlohmann::json& codecs);
+  void readShard(const nlohmann::json& configuration);
+  void readFilters(const nlohmann::json& filters);
+  bool takeFilter(const std::string& name, const nlohmann::json& configuration, Pipeline& pipeline);
+  StoredVoxels numpyType(const nlohmann::json& name) const;
   void takeShape(const nlohmann::json& json, const char* key, Indices& out);
-  void setType(const std::string& name);
+  StoredType typeNamed(const std::string& name) const;
   void setOrder(const Indices& slowest_first);
   void setFill(const nlohmann::json& json);
   void takeSeparator(const nlohmann::json& json, const char* key);
@@ -80,6 +115,10 @@ class ZarrArray {
   std::size_t storedChunkBytes() const;
   void unpack(const std::string& path, std::vector<std::byte> packed,
               std::vector<std::byte>& out) const;
+  std::size_t filteredChunkBytes() const;
+  Indices chunksOf(std::size_t shard) const;  // along each axis
+  std::optional<ByteRun> findInShard(const InputFile& file, std::size_t shard, ByteRun run,
+                                     const Indices& index) const;
   bool readPacked(const std::string& path, const Indices& index, std::vector<std::byte>& out) const;
   void throwIfStoreWentAway() const;
   [[noreturn]] void refuse(const std::string& reason) const;
@@ -94,8 +133,8 @@ class ZarrArray {
   StoredVoxels stored_;
   double fill_ = 0;
   Pipeline pipeline_;
-  bool is_sharded_ = false, index_at_start_ = false, index_has_checksum_ = false;
-  std::string key_prefix_;  // of chunk files
+  std::vector<Shard> shards_;  // from the outermost, which is a file, to the innermost
+  std::string key_prefix_;     // of chunk files
   char separator_ = '.';
 };
 

@@ -1,10 +1,16 @@
 #include <blosc.h>
+#include <bzlib.h>
+#include <lz4.h>
+#include <lzma.h>
 #include <zlib.h>
 #include <zstd.h>
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 
 namespace isobrick {
@@ -12,6 +18,20 @@ namespace {
 
 std::string wrongSize(std::size_t expected) {
   return "it does not unpack to the " + std::to_string(expected) + " bytes of a chunk";
+}
+
+// The decoder of BloscLZ adds up the bytes of 255 that lengthen a run in an int, which overflows
+// after 8.4 million of them (c-blosc issue 405); all else it checks. No block of a chunk is as
+// long.
+bool overflowsBloscLz(std::span<const std::byte> packed) {
+  constexpr std::ptrdiff_t kTooMany = 8 << 20;
+  for (auto at = packed.begin(); packed.end() - at >= kTooMany;) {
+    const auto end =
+        std::find_if(at, packed.end(), [](std::byte b) { return b != std::byte{255}; });
+    if (end - at >= kTooMany) return true;
+    at = std::find(end, packed.end(), std::byte{255});
+  }
+  return false;
 }
 
 std::string unpackBlosc(std::span<const std::byte> packed, std::span<std::byte> out) {
@@ -22,14 +42,13 @@ std::string unpackBlosc(std::span<const std::byte> packed, std::span<std::byte> 
   if (blosc_cbuffer_validate(packed.data(), packed.size(), &bytes) != 0)
     return "it is cut short or damaged";
   if (bytes != out.size()) return wrongSize(out.size());
-  // The decoder of BloscLZ trusts its input (c-blosc issue 405). Snappy is in no Debian build.
   const int codec = header[2] >> 5;
   const bool is_plain = (header[2] & 0x2) != 0;  // copied
-  if (!is_plain && codec != BLOSC_LZ4_FORMAT && codec != BLOSC_ZLIB_FORMAT &&
-      codec != BLOSC_ZSTD_FORMAT)
-    return codec == BLOSC_BLOSCLZ_FORMAT
-               ? "BloscLZ is not read, its decoder being unsafe; write it with lz4 or zstd"
-               : "it is packed with an unknown codec of Blosc";
+  // Snappy is in no Debian build.
+  if (!is_plain && codec != BLOSC_BLOSCLZ_FORMAT && codec != BLOSC_LZ4_FORMAT &&
+      codec != BLOSC_ZLIB_FORMAT && codec != BLOSC_ZSTD_FORMAT)
+    return "it is packed with an unknown codec of Blosc";
+  if (codec == BLOSC_BLOSCLZ_FORMAT && overflowsBloscLz(packed)) return "it is damaged";
   const int got = blosc_decompress_ctx(packed.data(), out.data(), out.size(), 1);
   return got == static_cast<int>(out.size()) ? std::string() : "it is damaged";
 }
@@ -50,6 +69,46 @@ std::string inflateAll(std::span<const std::byte> packed, std::span<std::byte> o
   return result == Z_DATA_ERROR ? "it is damaged" : wrongSize(out.size());
 }
 
+// Behind the number of bytes that it unpacks to.
+std::string unpackLz4(std::span<const std::byte> packed, std::span<std::byte> out) {
+  constexpr std::size_t kHeadBytes = 4;
+  if (packed.size() < kHeadBytes) return "it is cut short";
+  if (loadNumber<std::uint32_t>(packed.data(), false) != out.size()) return wrongSize(out.size());
+  const int got = LZ4_decompress_safe(reinterpret_cast<const char*>(packed.data()) + kHeadBytes,
+                                      reinterpret_cast<char*>(out.data()),
+                                      static_cast<int>(packed.size() - kHeadBytes),
+                                      static_cast<int>(out.size()));
+  return got == static_cast<int>(out.size()) ? std::string() : "it is damaged";
+}
+
+std::string unpackBz2(std::span<const std::byte> packed, std::span<std::byte> out) {
+  auto bytes = static_cast<unsigned>(out.size());
+  const int result =
+      BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(out.data()), &bytes,
+                                 const_cast<char*>(reinterpret_cast<const char*>(packed.data())),
+                                 static_cast<unsigned>(packed.size()), 0, 0);
+  if (result == BZ_OK) return bytes == out.size() ? std::string() : wrongSize(out.size());
+  return result == BZ_OUTBUFF_FULL ? wrongSize(out.size()) : "it is damaged";
+}
+
+// .xz and .lzma; a stream without a head is refused as damaged.
+std::string unpackLzma(std::span<const std::byte> packed, std::span<std::byte> out) {
+  constexpr std::uint64_t kMostMemory = std::uint64_t{128} << 20;  // level 9 takes 65 MiB
+  lzma_stream stream = LZMA_STREAM_INIT;
+  if (lzma_auto_decoder(&stream, kMostMemory, 0) != LZMA_OK)
+    return "there is no memory to unpack it";
+  stream.next_in = reinterpret_cast<const std::uint8_t*>(packed.data());
+  stream.avail_in = packed.size();
+  stream.next_out = reinterpret_cast<std::uint8_t*>(out.data());
+  stream.avail_out = out.size();
+  const lzma_ret result = lzma_code(&stream, LZMA_FINISH);
+  const bool is_whole = result == LZMA_STREAM_END && stream.avail_out == 0;
+  lzma_end(&stream);
+  if (is_whole) return {};
+  if (result == LZMA_MEMLIMIT_ERROR) return "its LZMA takes more than 128 MiB to unpack";
+  return result == LZMA_OK || result == LZMA_BUF_ERROR ? wrongSize(out.size()) : "it is damaged";
+}
+
 }  // namespace
 
 std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
@@ -64,6 +123,12 @@ std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
     case ZarrCodec::kZlib:
     case ZarrCodec::kGzip:
       return inflateAll(packed, out);
+    case ZarrCodec::kLz4:
+      return unpackLz4(packed, out);
+    case ZarrCodec::kBz2:
+      return unpackBz2(packed, out);
+    case ZarrCodec::kLzma:
+      return unpackLzma(packed, out);
     case ZarrCodec::kZstd: {
       const std::size_t got = ZSTD_decompress(out.data(), out.size(), packed.data(), packed.size());
       if (ZSTD_isError(got)) return "it is damaged";
@@ -71,6 +136,65 @@ std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
     }
   }
   return "it is packed in an unknown way";
+}
+
+namespace {
+
+std::uint64_t wholeNumber(const std::byte* at, const StoredVoxels& type) {
+  const std::size_t bytes = type.bytes();
+  std::uint64_t value = loadUnsigned(at, bytes, type.big_endian);
+  const bool is_signed = infoOf(type.type).name[0] == 'i';
+  if (is_signed && bytes < 8 && (value >> (8 * bytes - 1) & 1) != 0)
+    value -= std::uint64_t{1} << (8 * bytes);
+  return value;
+}
+
+void storeWhole(std::uint64_t value, const StoredVoxels& type, std::byte* at) {
+  const std::size_t bytes = type.bytes();
+  for (std::size_t i = 0; i < bytes; ++i, value >>= 8)
+    at[type.big_endian ? bytes - 1 - i : i] = static_cast<std::byte>(value & 0xff);
+}
+
+// Integers wrap around, as they did when they were written.
+void addUpIntegers(const ZarrFilter& filter, std::span<const std::byte> packed, std::byte* out) {
+  std::uint64_t sum = 0;
+  for (std::size_t at = 0; at < packed.size();
+       at += filter.packed.bytes(), out += filter.unpacked.bytes()) {
+    sum += wholeNumber(packed.data() + at, filter.packed);
+    storeWhole(sum, filter.unpacked, out);
+  }
+}
+
+template <typename Float, typename Bits>
+void addUpFloats(const ZarrFilter& filter, std::span<const std::byte> packed, std::byte* out) {
+  Float sum = 0;
+  for (std::size_t at = 0; at < packed.size(); at += sizeof(Float), out += sizeof(Float)) {
+    sum += std::bit_cast<Float>(static_cast<Bits>(wholeNumber(packed.data() + at, filter.packed)));
+    storeWhole(std::bit_cast<Bits>(sum), filter.unpacked, out);
+  }
+}
+
+// Bytes of a last number that is not whole stay where they are.
+void unshuffle(std::size_t number_bytes, std::span<const std::byte> packed, std::byte* out) {
+  const std::size_t count = packed.size() / number_bytes, whole = count * number_bytes;
+  for (std::size_t byte = 0; byte < number_bytes; ++byte)
+    for (std::size_t i = 0; i < count; ++i) out[i * number_bytes + byte] = packed[byte * count + i];
+  std::copy(packed.begin() + static_cast<std::ptrdiff_t>(whole), packed.end(), out + whole);
+}
+
+}  // namespace
+
+void undoZarrFilter(const ZarrFilter& filter, std::span<const std::byte> packed, std::size_t bytes,
+                    std::vector<std::byte>& out) {
+  out.resize(bytes);
+  if (filter.kind == ZarrFilter::Kind::kShuffle)
+    unshuffle(filter.shuffled_bytes, packed, out.data());
+  else if (filter.unpacked.type == StoredType::kFloat32)
+    addUpFloats<float, std::uint32_t>(filter, packed, out.data());
+  else if (filter.unpacked.type == StoredType::kFloat64)
+    addUpFloats<double, std::uint64_t>(filter, packed, out.data());
+  else
+    addUpIntegers(filter, packed, out.data());
 }
 
 std::uint64_t mostPackedBytes(std::uint64_t bytes) { return bytes + bytes / 16 + (1 << 16); }

@@ -16,9 +16,11 @@
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
+#include "isobrick/preprocess/sources/zarr_group.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
@@ -29,32 +31,6 @@ using Indices = ZarrArray::Indices;
 
 Error cannotUse(const std::string& path, const std::string& reason) {
   return unusable(path, reason + "; correct its metadata");
-}
-
-// The attributes of a group or an array, whichever the version; null if there are none.
-Json attributesOf(const std::string& folder) {
-  if (inputIsThere(folder + "/zarr.json"))
-    return member(readZarrJson(folder + "/zarr.json"), "attributes");
-  if (inputIsThere(folder + "/.zattrs")) return readZarrJson(folder + "/.zattrs");
-  return {};
-}
-
-// The image of a group: the first, in either place; null if there is none.
-Json multiscaleOf(const Json& attributes) {
-  const Json& ome = member(attributes, "ome");
-  const Json& list =
-      ome.is_object() ? member(ome, "multiscales") : member(attributes, "multiscales");
-  return list.is_array() && !list.empty() ? list.front() : Json();
-}
-
-// A name that leads down from its folder, and nowhere else.
-bool isInside(const std::string& path) {
-  if (path.empty() || path.front() == '/' || path.size() > 1000) return false;
-  for (const unsigned char c : path)
-    if (c < ' ' || c == '\\') return false;
-  for (const fs::path& part : fs::path(path))
-    if (part == ".." || part == ".") return false;
-  return true;
 }
 
 // A list of transformations as a map of an index along each axis: scale * index + translation.
@@ -239,13 +215,16 @@ class ZarrOpener {
   }
 
   std::unique_ptr<VolumeSource> open() {
+    VolumeInfo info;
+    info.source = path_;
+    chooseVolume();
     findArray();
     ZarrArray array(array_path_);
     nameAxes(array);
-    VolumeInfo info;
-    info.source = path_;
+    info.notes = std::move(notes_);
     info.format = multiscale_.is_null() ? "Zarr" : "OME-Zarr";
-    const std::array<std::size_t, 3> axes = {axisNamed("x"), axisNamed("y"), axisNamed("z")};
+    if (options_.image) info.encoding = "image " + std::to_string(*options_.image);
+    const std::array<std::size_t, 3> axes = spaceAxes();
     for (int axis = 0; axis < 3; ++axis) info.voxels[axis] = array.shape()[axes[axis]];
     checkVoxelCounts(path_, info.voxels);
     const Indices fixed = fixOthers(array, axes, info);
@@ -257,39 +236,61 @@ class ZarrOpener {
   }
 
  private:
+  // Of a group that is no image itself.
+  void chooseVolume() {
+    const std::string chosen = chooseZarrVolume(path_, options_.image);
+    is_chosen_ = chosen != path_;
+    path_ = chosen;
+  }
+
   // The array, and the image that it is a level of.
   void findArray() {
-    const Json attributes = attributesOf(path_);
-    multiscale_ = multiscaleOf(attributes);
+    const Json attributes = zarrAttributes(path_);
     array_path_ = path_;
-    if (!multiscale_.is_null()) {
+    if (chooseImage(multiscalesOf(attributes))) {
       takeGroup(path_, attributes);
       const Json& datasets = member(multiscale_, "datasets");
       if (!datasets.is_array() || datasets.empty())
         throw cannotUse(path_, "its image has no datasets");
       dataset_ = datasets.front();
       const std::string name = textOf(member(dataset_, "path"));
-      if (!isInside(name))
+      if (!leadsDown(name))
         throw cannotUse(
             path_, "the name of its level, " + quotedText(name, 60) + ", leads out of the store");
       array_path_ = path_ + "/" + name;
       return;
     }
+    if (options_.image && !is_chosen_)
+      throw cannotUse(path_, "it is one array, and has no images to choose from");
     // An array that the folder above lists as a level of its image.
     const fs::path parent = fs::path(path_).parent_path();
     const std::string name = fs::path(path_).filename().string();
     if (parent.empty() || !isZarrFolder(parent.string())) return;
-    const Json above = attributesOf(parent.string());
-    const Json multiscale = multiscaleOf(above);
-    const Json& datasets = member(multiscale, "datasets");
-    if (!datasets.is_array()) return;
-    for (std::size_t i = 0; i < datasets.size(); ++i)
-      if (textOf(member(datasets[i], "path")) == name) {
-        takeGroup(parent.string(), above);
-        multiscale_ = multiscale;
-        dataset_ = datasets[i];
-        is_coarser_ = i > 0;
-      }
+    const Json above = zarrAttributes(parent.string());
+    for (const Json& multiscale : multiscalesOf(above)) {
+      const Json& datasets = member(multiscale, "datasets");
+      for (std::size_t i = 0; datasets.is_array() && i < datasets.size(); ++i)
+        if (textOf(member(datasets[i], "path")) == name) {
+          takeGroup(parent.string(), above);
+          multiscale_ = multiscale;
+          dataset_ = datasets[i];
+          is_coarser_ = i > 0;
+          return;
+        }
+    }
+  }
+
+  // Of the images that a group shows in one folder; false if there are none.
+  bool chooseImage(const Json& images) {
+    if (images.is_null()) return false;
+    const std::int64_t number = is_chosen_ ? 0 : options_.image.value_or(0);
+    if (static_cast<std::uint64_t>(number) >= images.size())
+      throw cannotUse(path_, "it has " + std::to_string(images.size()) + " images, and no image " +
+                                 std::to_string(number) + " (counted from 0)");
+    multiscale_ = images[static_cast<std::size_t>(number)];
+    if (images.size() > 1 && !options_.image)
+      notes_.push_back("of " + std::to_string(images.size()) + " images, the first was taken");
+    return true;
   }
 
   void takeGroup(const std::string& folder, const Json& attributes) {
@@ -298,16 +299,21 @@ class ZarrOpener {
     own_ = member(attributes, "isobrick");
   }
 
-  // Axes by name, in the order of the array. Before OME-Zarr 0.3 they were always t, c, z, y, x.
+  // Axes by name, in the order of the array: those of the image, or of the array itself. Before
+  // OME-Zarr 0.3 they were always t, c, z, y, x.
   void nameAxes(const ZarrArray& array) {
     const std::size_t count = array.shape().size();
     if (const Json& axes = member(multiscale_, "axes"); axes.is_array())
       for (const Json& axis : axes) {
         names_.push_back(axis.is_string() ? textOf(axis) : textOf(member(axis, "name")));
         units_.push_back(axis.is_object() ? textOf(member(axis, "unit")) : std::string());
+        is_space_.push_back(textOf(member(axis, "type")) == "space");
       }
     else
       names_ = array.axisNames();
+    if (names_.empty())
+      for (const Json& name : member(zarrAttributes(array_path_), "_ARRAY_DIMENSIONS"))
+        names_.push_back(textOf(name));
     const bool has_all = std::all_of(names_.begin(), names_.end(),
                                      [](const std::string& name) { return !name.empty(); });
     if (names_.empty() || !has_all) {
@@ -317,20 +323,45 @@ class ZarrOpener {
     if (names_.size() != count)
       throw cannotUse(array_path_, "it has " + std::to_string(count) + " axes and " +
                                        std::to_string(names_.size()) + " names for them");
+    for (std::string& name : names_) {
+      name = lowercase(name);
+      if (name == "time") name = "t";
+      if (name == "channel") name = "c";
+    }
     units_.resize(count);
+    is_space_.resize(count, false);
   }
 
-  std::size_t axisNamed(const std::string& name) const {
-    if (std::count(names_.begin(), names_.end(), name) != 1)
-      throw cannotUse(array_path_,
-                      "it has no axis " + name + ", or two; isobrick needs x, y and z");
-    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), name) - names_.begin());
+  // Which axes x, y and z are: by name, or, of three others, by their order, z first.
+  std::array<std::size_t, 3> spaceAxes() const {
+    const auto isNamed = [&](const char* name) {
+      return std::count(names_.begin(), names_.end(), name) == 1;
+    };
+    const auto axisNamed = [&](const char* name) {
+      return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), name) -
+                                      names_.begin());
+    };
+    if (isNamed("x") && isNamed("y") && isNamed("z"))
+      return {axisNamed("x"), axisNamed("y"), axisNamed("z")};
+    const bool has_types = std::find(is_space_.begin(), is_space_.end(), true) != is_space_.end();
+    std::vector<std::size_t> found;
+    std::string list;
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      if (has_types ? is_space_[i] : names_[i] != "t" && names_[i] != "c") found.push_back(i);
+      list += (i > 0 ? ", " : "") + quotedText(names_[i], 40);
+    }
+    if (found.size() != 3)
+      throw cannotUse(
+          array_path_,
+          "isobrick needs three axes of space, x, y and z, and it has the axes " + list);
+    return {found[2], found[1], found[0]};
   }
 
   // An index along every axis that is not of space.
   Indices fixOthers(const ZarrArray& array, const std::array<std::size_t, 3>& axes,
                     VolumeInfo& info) const {
     Indices fixed(names_.size(), 0);
+    bool has_time = false, has_channel = false;
     for (std::size_t i = 0; i < names_.size(); ++i) {
       if (std::find(axes.begin(), axes.end(), i) != axes.end()) {
         fixed[i] = -1;
@@ -338,6 +369,14 @@ class ZarrOpener {
       }
       const bool is_time = names_[i] == "t";
       const std::int64_t count = array.shape()[i];
+      if (std::exchange(is_time ? has_time : has_channel, true)) {
+        if (count > 1)
+          throw cannotUse(array_path_, "its axis " + quotedText(names_[i], 40) + " has " +
+                                           std::to_string(count) +
+                                           " indices besides those of another axis, of which none "
+                                           "can be chosen");
+        continue;
+      }
       const auto& wanted = is_time ? options_.time : options_.channel;
       const std::string kind = is_time ? "time step" : "channel";
       fixed[i] = wanted.value_or(0);
@@ -351,7 +390,14 @@ class ZarrOpener {
       if (!wanted && count > 1)
         info.notes.push_back("of " + std::to_string(count) + " " + kind + "s, the first was taken");
     }
+    refuseChoice(options_.time && !has_time, "time step");
+    refuseChoice(options_.channel && !has_channel, "channel");
     return fixed;
+  }
+
+  void refuseChoice(bool is_idle, const std::string& kind) const {
+    if (is_idle)
+      throw unusable(path_, "it has no axis of " + kind + "s; leave out the choice of one");
   }
 
   void place(VolumeInfo& info, const std::array<std::size_t, 3>& axes) const {
@@ -399,8 +445,9 @@ class ZarrOpener {
   const OpenOptions& options_;
   std::string array_path_;
   Json multiscale_, dataset_, own_;
-  bool is_coarser_ = false;
-  std::vector<std::string> group_files_, names_, units_;
+  bool is_chosen_ = false, is_coarser_ = false;
+  std::vector<std::string> group_files_, names_, units_, notes_;
+  std::vector<bool> is_space_;
 };
 
 }  // namespace

@@ -39,7 +39,7 @@ const OptionFit kFits[] = {
      "OME-Zarr, TIFF, slices of PNG and OpenEXR, HDF5, NIfTI, NRRD, MetaImage, MRC and DICOM",
      {"OME-Zarr", "Zarr", "TIFF", "PNG", "OpenEXR", "HDF5", "NIfTI", "NRRD", "MetaImage", "MRC",
       "DICOM"}},
-    {Side::kInput, {"--select image"}, "TIFF and MRC", {"TIFF", "MRC"}},
+    {Side::kInput, {"--select image"}, "OME-Zarr, TIFF and MRC", {"OME-Zarr", "Zarr", "TIFF", "MRC"}},
     {Side::kInput, {"--select series", "--series"}, "folders of DICOM series", {"DICOM"}},
     {Side::kInput, {"--dicom-float32"}, "DICOM series", {"DICOM"}},
     {Side::kInput, {"--raw-dims"}, "files without a header", {"raw"}},
