@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <fstream>
+#include <sstream>
 #include <string_view>
 
 #include "isobrick/preprocess/byte_order.h"
@@ -30,11 +31,19 @@ constexpr std::array<std::string_view, 21> kShortTypes = {"AE", "AS", "AT", "CS"
                                                           "FD", "FL", "IS", "LO", "LT", "PN", "SH",
                                                           "SL", "SS", "ST", "TM", "UI", "UL", "US"};
 
-// Elements that are one 16-bit number in every file that GDCM can work with.
-constexpr std::array<std::uint32_t, 8> kNumbers = {
-    dicom::kSamplesPerPixel, dicom::kPlanarConfiguration, dicom::kRows,
-    dicom::kColumns,         dicom::kBitsAllocated,       dicom::kBitsStored,
-    dicom::kHighBit,         dicom::kPixelRepresentation};
+// Numbers of 16 bits. Their type is not stated in implicit encoding, and is wrong in many files.
+constexpr std::array<std::uint32_t, 12> kNumbers = {dicom::kSamplesPerPixel,
+                                                    dicom::kPlanarConfiguration,
+                                                    dicom::kRows,
+                                                    dicom::kColumns,
+                                                    dicom::kBitsAllocated,
+                                                    dicom::kBitsStored,
+                                                    dicom::kHighBit,
+                                                    dicom::kPixelRepresentation,
+                                                    dicom::kSmallestPixel,
+                                                    dicom::kLargestPixel,
+                                                    dicom::kPadding,
+                                                    dicom::kPaddingRangeLimit};
 
 // Sequences with elements of interest in an item of the functional groups, and these elements.
 constexpr std::array<std::uint32_t, 5> kGroupSequences = {
@@ -46,7 +55,7 @@ constexpr std::array<std::uint32_t, 12> kGroupValues = {
     dicom::kSliceThickness,   dicom::kSpacingBetweenSlices, dicom::kPixelSpacing,
     dicom::kRescaleIntercept, dicom::kRescaleSlope,         dicom::kDimensionIndexPointer};
 
-// Numbers of 32 bits; implicit encoding does not state their type.
+// Numbers of 32 bits.
 constexpr std::array<std::uint32_t, 3> kLongNumbers = {
     dicom::kInStackPosition, dicom::kTemporalPositionIndex, dicom::kDimensionIndexValues};
 
@@ -132,13 +141,12 @@ class Walker {
         if (!values.contains(dicom::kTransferSyntax))
           values[dicom::kTransferSyntax] = guessedSyntax();
         const std::string& syntax = values[dicom::kTransferSyntax];
-        // Deflated, or big-endian without types as one maker has it: GDCM may try.
-        if (syntax == "1.2.840.10008.1.2.1.99" || syntax == "1.2.840.113619.5.2") {
+        if (syntax == dicom::kDeflated) {
           if (must_ascend_) throw Damaged();
           return true;
         }
-        encoding.is_explicit = syntax != "1.2.840.10008.1.2";
-        encoding.big_endian = syntax == "1.2.840.10008.1.2.2";
+        encoding.is_explicit = syntax != dicom::kImplicit && syntax != dicom::kImplicitOfGe;
+        encoding.big_endian = syntax == dicom::kBigEndian;
       }
       const Element element = readElement(encoding);
       if (must_ascend_ && element.tag <= last_tag) throw Damaged();
@@ -148,7 +156,8 @@ class Walker {
         if (must_ascend_ && !hasSize(values)) throw Damaged();
         header.pixels_at = at_;
         checkPixels(element, values);
-        if (element.length != kUndefinedLength) header.pixel_bytes = element.length;
+        (element.length == kUndefinedLength ? header.packed_bytes : header.pixel_bytes) =
+            at_ - header.pixels_at;
         return true;
       }
       if (element.tag == dicom::kSharedGroups) {
@@ -159,13 +168,17 @@ class Walker {
         walkList(element, encoding, numberOf(values, dicom::kNumberOfFrames, 1), header.frames);
       } else if (element.tag == dicom::kDimensionIndices) {
         walkList(element, encoding, kMostDimensions, header.dimensions);
+      } else if (element.tag == dicom::kDetectorInformation) {
+        // Where the first frame of nuclear medicine is.
+        DicomValues places;
+        walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
+          walkGroups(item, inner, places);
+        });
+        values.merge(places);
       } else if (element.length == kUndefinedLength || element.length > mostBytes(element.tag)) {
         skipValue(element, encoding, 0);
       } else {
         values[element.tag] = text(element, encoding);
-        // The retired "recognition code"; GDCM aborts on any that it does not support.
-        if (element.tag == dicom::kRecognitionCode && !values[element.tag].starts_with("ACR"))
-          throw Damaged();
       }
     }
     return false;
@@ -179,7 +192,7 @@ class Walker {
     const std::string type = bytes(2);
     seek(here);
     const bool is_explicit = isOneOf(kLongTypes, type) || isOneOf(kShortTypes, type);
-    return is_explicit ? "1.2.840.10008.1.2.1" : "1.2.840.10008.1.2";
+    return is_explicit ? dicom::kExplicit : dicom::kImplicit;
   }
 
   static bool hasSize(const DicomValues& values) {
@@ -288,7 +301,6 @@ class Walker {
     element.tag = group << 16 | number16(encoding.big_endian);
     if (!encoding.is_explicit || group == 0xfffe) {  // items have no type in any encoding
       element.length = number32(encoding.big_endian);
-      if (isOneOf(kNumbers, element.tag) && element.length != 2) throw Damaged();
       return element;
     }
     element.representation = bytes(2);
@@ -296,39 +308,61 @@ class Walker {
       skip(2);
       element.length = number32(encoding.big_endian);
     } else {
-      if (!isOneOf(kShortTypes, element.representation)) throw Damaged();
       element.length = number16(encoding.big_endian);
+      if (!isOneOf(kShortTypes, element.representation)) findLength(element, encoding);
     }
-    checkTypeOfImageElement(element);
     return element;
   }
 
-  // GDCM aborts if an element that it uses has another type than the standard gives it.
-  static void checkTypeOfImageElement(const Element& element) {
-    static constexpr std::array<std::uint32_t, 9> kDecimals = {
-        dicom::kSliceThickness, dicom::kSpacingBetweenSlices, dicom::kImagerPixelSpacing,
-        dicom::kImagePosition,  dicom::kImageOrientation,     dicom::kPixelSpacing,
-        dicom::kWindowCenter,   dicom::kRescaleIntercept,     dicom::kRescaleSlope};
-    const std::string& type = element.representation;
-    if (isOneOf(kNumbers, element.tag) && (type != "US" || element.length != 2)) throw Damaged();
-    if (isOneOf(kDecimals, element.tag) && type != "DS") throw Damaged();
-    if (element.tag == dicom::kNumberOfFrames && type != "IS") throw Damaged();
-    if (element.tag == dicom::kPhotometricInterpretation && type != "CS") throw Damaged();
-    if (element.tag == dicom::kPixelData && type != "OW" && type != "OB") throw Damaged();
+  // Of an element of no known type: most writers of such put a length of two bytes behind it, as
+  // they do behind most types; some leave the type out. What follows must be an element.
+  void findLength(Element& element, const Encoding& encoding) {
+    if (must_ascend_) throw Damaged();
+    const std::uint64_t behind_short = at_;
+    if (isElementAt(at_ + element.length, element.tag, encoding)) return;
+    seek(behind_short - 4);
+    element.length = number32(encoding.big_endian);
+    if (isElementAt(at_ + element.length, element.tag, encoding)) return;
+    if (size_ - at_ < 4) throw Damaged();
+    seek(behind_short);
+    element.length = number32(encoding.big_endian);
+    if (!isElementAt(at_ + element.length, element.tag, encoding)) throw Damaged();
   }
 
+  // Whether an element of a greater tag may begin there, or an item end; or the file ends.
+  bool isElementAt(std::uint64_t place, std::uint32_t behind, const Encoding& encoding) {
+    if (place == size_) return true;
+    if (place > size_ || size_ - place < 8) return false;
+    const std::uint64_t here = at_;
+    seek(place);
+    const std::uint32_t group = number16(encoding.big_endian);
+    const std::uint32_t tag = group << 16 | number16(encoding.big_endian);
+    const std::string type = bytes(2);
+    seek(here);
+    if (group == 0xfffe) return true;
+    const auto isLetter = [](char c) { return c >= 'A' && c <= 'Z'; };
+    const bool is_typed = isLetter(type[0]) && isLetter(type[1]);
+    // Of the same group if that is private: another one may lack its type too.
+    return tag > behind && (is_typed || (group % 2 == 1 && group == behind >> 16));
+  }
+
+  // As the type says. Without one, or with that of bytes, as the standard has the element.
   std::string text(const Element& element, const Encoding& encoding) {
-    // Implicit encoding has no types: those of group 28 that are of interest are known numbers.
+    const std::string& type = element.representation;
     const std::uint32_t tag = element.tag;
-    const bool is_number = element.representation == "US" || element.representation == "SS" ||
-                           (!encoding.is_explicit && (tag >> 16) == 0x0028 && element.length == 2 &&
-                            tag != dicom::kNumberOfFrames && tag <= dicom::kPaddingRangeLimit);
-    if (is_number && element.length == 2) return std::to_string(number16(encoding.big_endian));
-    if (isOneOf(kLongNumbers, tag)) return numbersText(element.length, encoding);
-    if ((tag == dicom::kDimensionIndexPointer || tag == dicom::kFrameIncrementPointer) &&
-        element.length == 4) {
+    const bool is_typed = isOneOf(kShortTypes, type);
+    if (type == "FD" || type == "FL") return floatsText(element, encoding);
+    if (type == "UL" || type == "SL" || (!is_typed && isOneOf(kLongNumbers, tag)))
+      return numbersText(element.length, 4, encoding);
+    if (type == "US" || type == "SS" || (!is_typed && isOneOf(kNumbers, tag)))
+      return numbersText(element.length, 2, encoding);
+    if (type == "AT" || tag == dicom::kDimensionIndexPointer ||
+        tag == dicom::kFrameIncrementPointer) {
+      if (element.length < 4) return bytes(element.length);
       const std::uint32_t group = number16(encoding.big_endian);
-      return std::to_string(group << 16 | number16(encoding.big_endian));
+      const std::uint32_t pointed = group << 16 | number16(encoding.big_endian);
+      skip(element.length - 4);
+      return std::to_string(pointed);
     }
     std::string value = bytes(element.length);
     while (!value.empty() && (value.back() == ' ' || value.back() == '\0')) value.pop_back();
@@ -336,14 +370,31 @@ class Walker {
     return first == std::string::npos ? "" : value.substr(first);
   }
 
-  std::string numbersText(std::uint32_t length, const Encoding& encoding) {
-    if (length % 4 != 0) throw Damaged();
+  std::string numbersText(std::uint32_t length, std::uint32_t each, const Encoding& encoding) {
+    if (length % each != 0) throw Damaged();
     std::string text;
-    for (std::uint32_t i = 0; i < length / 4; ++i) {
+    for (std::uint32_t i = 0; i < length / each; ++i) {
       if (i > 0) text += '\\';
-      text += std::to_string(number32(encoding.big_endian));
+      text +=
+          std::to_string(each == 2 ? number16(encoding.big_endian) : number32(encoding.big_endian));
     }
     return text;
+  }
+
+  std::string floatsText(const Element& element, const Encoding& encoding) {
+    const std::uint32_t each = element.representation == "FD" ? 8 : 4;
+    if (element.length % each != 0) throw Damaged();
+    std::ostringstream text;
+    text.precision(17);
+    for (std::uint32_t i = 0; i < element.length / each; ++i) {
+      const std::string stored = bytes(each);
+      if (i > 0) text << '\\';
+      if (each == 8)
+        text << loadNumber<double>(stored.data(), encoding.big_endian);
+      else
+        text << loadNumber<float>(stored.data(), encoding.big_endian);
+    }
+    return text.str();
   }
 
   std::uint32_t peekGroup() {

@@ -1,9 +1,9 @@
 // The top level of a DICOM file and the functional groups of its frames, read without GDCM. Private
 // to preprocess/sources/.
 //
-// GDCM fills missing pixels of a file that was cut short with zeros, and aborts the process on some
-// damaged headers. So every file is walked element by element first; GDCM reads only those that are
-// whole.
+// GDCM fills missing pixels of a file that was cut short with zeros, aborts the process on some
+// damaged headers, and wants the types of the standard. So every file is walked element by element,
+// and GDCM gets only packed pixels that are whole, with a header of our own.
 //
 // Old files may lack the 128 bytes and "DICM" in front and begin with their first element, of group
 // 2 or 8. Such a file counts as DICOM only if it can be walked as a data set, its tags ascending,
@@ -27,8 +27,9 @@ struct FileStamp {
 // All zeros if the file is gone.
 FileStamp fileStamp(const std::string& path);
 
-// By tag (group << 16 | element), without padding. Numbers of type US, SS and UL are written out in
-// decimal, several with a backslash between them; of an attribute tag the number that it is.
+// By tag (group << 16 | element), without padding. Binary numbers are written out in decimal,
+// several with a backslash between them, those of SS and SL without their sign; of an attribute tag
+// the number that it is.
 using DicomValues = std::map<std::uint32_t, std::string>;
 
 struct DicomHeader {
@@ -51,8 +52,8 @@ struct DicomHeader {
   bool hasGroups() const { return !shared.empty() || !frames.empty(); }
   std::vector<DicomValues> dimensions;  // of kDimensionIndices
 
-  // The place of the pixels, as they lie in the file; 0 bytes for packed ones.
-  std::uint64_t pixels_at = 0, pixel_bytes = 0;
+  // The place of the pixels: as they lie in the file, or packed, with the marks between fragments.
+  std::uint64_t pixels_at = 0, pixel_bytes = 0, packed_bytes = 0;
 
   // "" if there is no such element.
   std::string value(std::uint32_t tag) const {

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <glm/geometric.hpp>
 #include <map>
+#include <numbers>
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
@@ -20,7 +21,10 @@ namespace {
 
 // Nearer than this share of their mean distance, slices are at the same position.
 constexpr double kSamePosition = 1e-4;
-constexpr double kMostUneven = 0.1, kNotedUneven = 0.01;
+// Of a voxel: how far a slice may be from where the grid has it, and how far if that is rounding.
+constexpr double kMostOff = 0.01, kMostRounding = 0.4;
+// Positions of whole millimetres are exact, not rounded.
+constexpr double kCoarsestDecimal = 0.1;
 
 bool haveAllPositions(const std::vector<DicomPlace>& places) {
   return std::all_of(places.begin(), places.end(),
@@ -96,6 +100,40 @@ void chooseOneOf(const std::string& path, const char* what, Remedy remedy,
   takeNoteOfChoice(std::string(what) + " " + std::to_string(*choice), info);
 }
 
+// The slice that is furthest from where even steps from the first have it, along an axis of the
+// grid, in voxels.
+struct SliceOffset {
+  double voxels = 0, millimetres = 0;
+  std::size_t index = 0;
+  int axis = 0;
+  bool is_rounding = true;  // of the positions, in all slices
+};
+
+SliceOffset greatestOffset(const std::vector<DicomPlace>& places, const GridGeometry& geometry,
+                           const glm::dvec3& step) {
+  double rounding = places.front().rounding;
+  for (const DicomPlace& place : places) rounding = std::min(rounding, place.rounding);
+  if (rounding > kCoarsestDecimal) rounding = 0;
+  SliceOffset greatest;
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const glm::dvec3 offset =
+        *places[k].position - (*places.front().position + static_cast<double>(k) * step);
+    for (int axis = 0; axis < 3; ++axis) {
+      const glm::dvec3& along = geometry.direction[axis];
+      const double off = std::abs(glm::dot(offset, along));
+      const double voxels = off / geometry.spacing[axis];
+      // Of the first slice and of this one, half a unit each, in all three numbers.
+      const double explained =
+          rounding * (std::abs(along.x) + std::abs(along.y) + std::abs(along.z));
+      greatest.is_rounding =
+          greatest.is_rounding &&
+          (voxels <= kMostOff || (off <= explained * (1 + 1e-6) && voxels <= kMostRounding));
+      if (voxels > greatest.voxels) greatest = {voxels, off, k, axis, greatest.is_rounding};
+    }
+  }
+  return greatest;
+}
+
 }  // namespace
 
 void chooseDicomVolume(const DicomStackWords& words,
@@ -117,45 +155,92 @@ bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& plac
                      [](const DicomPlace& a, const DicomPlace& b) { return a.number < b.number; });
     return false;
   }
-  const glm::dvec3 normal = glm::cross(geometry.direction[0], geometry.direction[1]);
+  const glm::dvec3 normal =
+      glm::normalize(glm::cross(geometry.direction[0], geometry.direction[1]));
   const auto height = [&](const DicomPlace& place) { return glm::dot(*place.position, normal); };
   std::stable_sort(places.begin(), places.end(),
                    [&](const DicomPlace& a, const DicomPlace& b) { return height(a) < height(b); });
-  const glm::dvec3 step =
-      (*places.back().position - *places.front().position) / static_cast<double>(places.size() - 1);
-  const double mean_gap = glm::dot(step, normal);
-  const auto fail = [&](std::size_t i, const std::string& why) {
-    return unusable(words.path, places[i - 1].name + " and " + places[i].name + " are " + why);
+  const auto count = static_cast<double>(places.size() - 1);
+  const glm::dvec3 origin = *places.front().position;
+  const glm::dvec3 step = (*places.back().position - origin) / count;
+  const double gap = glm::dot(step, normal);
+  const auto refuse = [&](std::size_t i, const std::string& why) {
+    throw unusable(words.path, places[i - 1].name + " and " + places[i].name + " are " + why);
   };
   for (std::size_t i = 1; i < places.size(); ++i)
-    if (!(height(places[i]) - height(places[i - 1]) > kSamePosition * mean_gap) ||
-        !std::isfinite(mean_gap))
-      throw fail(i, "at the same position " + words.same_position);
-  double greatest_deviation = 0;
-  std::size_t at = 1;
-  for (std::size_t i = 1; i < places.size(); ++i) {
-    const double deviation = std::abs(height(places[i]) - height(places[i - 1]) - mean_gap);
-    if (deviation <= greatest_deviation) continue;
-    greatest_deviation = deviation;
-    at = i;
+    if (!(height(places[i]) - height(places[i - 1]) > kSamePosition * gap) || !std::isfinite(gap))
+      refuse(i, "at the same position " + words.same_position);
+
+  geometry.origin = origin;
+  geometry.spacing.z = gap;
+  geometry.direction[2] = normal;
+  const SliceOffset off = greatestOffset(places, geometry, gap * normal);
+  if (off.voxels <= kMostOff) return true;
+  if (off.is_rounding) {
+    notes.push_back("slices are up to " + shortText(off.voxels) +
+                    " of a voxel beside their even distances, as positions are rounded");
+    return true;
   }
-  if (greatest_deviation > kMostUneven * mean_gap)
-    throw fail(at, std::to_string(height(places[at]) - height(places[at - 1])) +
-                       " mm apart and others " + std::to_string(mean_gap) + " mm on average; " +
-                       words.gap);
-  if (greatest_deviation > kNotedUneven * mean_gap)
-    notes.push_back("slice distances differ by up to " + std::to_string(greatest_deviation) +
-                    " mm; their mean was used");
-  geometry.origin = *places.front().position;
-  geometry.spacing.z = glm::length(step);
-  geometry.direction[2] = step / geometry.spacing.z;
-  return true;
+  const double shift = glm::length(step - gap * normal);
+  if (const SliceOffset tilted = greatestOffset(places, geometry, step);
+      tilted.voxels <= kMostOff || tilted.is_rounding)
+    throw unusable(words.path, "each slice is shifted by " + shortText(shift) +
+                                   " mm against the one before (a tilted gantry, " +
+                                   shortText(std::atan2(shift, gap) * 180 / std::numbers::pi) +
+                                   " degrees); resample it to a rectangular grid first");
+  const auto uneven = [&](std::size_t i) {
+    return std::abs(height(places[i]) - height(places[i - 1]) - gap);
+  };
+  std::size_t at = 1;
+  for (std::size_t i = 2; i < places.size(); ++i)
+    if (uneven(i) > uneven(at)) at = i;
+  if (off.axis == 2)
+    refuse(at, std::to_string(height(places[at]) - height(places[at - 1])) +
+                   " mm apart and others " + std::to_string(gap) + " mm on average; " + words.gap);
+  throw unusable(words.path, places[off.index].name + " is " + shortText(off.millimetres) +
+                                 " mm (" + shortText(off.voxels) +
+                                 " voxels) beside the line of the others; take it away, or "
+                                 "resample the slices");
 }
 
-std::optional<glm::dvec3> dicomPosition(const std::string& text) {
+void takeDicomPosition(const std::string& text, DicomPlace& place) {
   const std::vector<double> p = decimalStrings(text, 3);
-  if (p.empty()) return std::nullopt;
-  return glm::dvec3(p[0], p[1], p[2]);
+  if (p.empty()) return;
+  place.position = glm::dvec3(p[0], p[1], p[2]);
+  // Zeros at the end may be left out: the number with the most decimals tells.
+  std::size_t decimals = 0;
+  for (std::size_t at = text.find('.'); at != std::string::npos; at = text.find('.', at + 1)) {
+    const std::size_t end = text.find_first_not_of("0123456789", at + 1);
+    decimals = std::max(decimals, std::min(end, text.size()) - at - 1);
+  }
+  const bool is_exact = text.find_first_of("eE") != std::string::npos;
+  place.rounding = is_exact ? 0 : std::pow(10.0, -static_cast<double>(decimals));
+}
+
+std::vector<double> dicomPixelSpacing(const DicomHeader& header, std::size_t frame) {
+  for (const std::uint32_t tag :
+       {dicom::kPixelSpacing, dicom::kImagerPixelSpacing, dicom::kNominalPixelSpacing})
+    if (std::vector<double> spacing = decimalStrings(header.value(tag, frame), 2); !spacing.empty())
+      return {spacing[1], spacing[0]};  // between rows first
+  return {};
+}
+
+double dicomSliceDistance(const DicomHeader& header, std::size_t frame) {
+  for (const std::uint32_t tag : {dicom::kSpacingBetweenSlices, dicom::kSliceThickness}) {
+    const std::vector<double> distance = decimalStrings(header.value(tag, frame), 1);
+    if (!distance.empty() && distance[0] > 0) return distance[0];
+  }
+  return 0;
+}
+
+bool areSameForPixels(const std::vector<double>& a, const std::vector<double>& b,
+                      std::int64_t pixels, double unit) {
+  constexpr double kDigits = 1e-6;  // that decimal strings keep
+  const double most =
+      std::max(kMostOff / static_cast<double>(std::max<std::int64_t>(pixels, 1)), kDigits);
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](double x, double y) {
+    return std::abs(x - y) <= most * std::max(unit, std::abs(x));
+  });
 }
 
 namespace {
@@ -176,18 +261,6 @@ std::int64_t integer(const std::string& text, std::int64_t otherwise) {
   char* end = nullptr;
   const long long value = std::strtoll(text.c_str(), &end, 10);
   return end == text.c_str() ? otherwise : value;
-}
-
-void refuseOtherImages(const std::string& path, const DicomHeader& header) {
-  if (integer(header.value(dicom::kSamplesPerPixel), 1) != 1 ||
-      !header.value(dicom::kPhotometricInterpretation).starts_with("MONOCHROME"))
-    throw unusable(path, "its frames have colours; convert them to grey values first");
-  if (!header.value(dicom::kTotalPixelMatrixColumns).empty())
-    throw unusable(path, "its frames are the tiles of one large picture, and no slices");
-  const std::int64_t bits = integer(header.value(dicom::kBitsAllocated), 16);
-  if (bits != 8 && bits != 16 && bits != 32)
-    throw unusable(path, "its pixels have " + std::to_string(bits) +
-                             " bits; convert them to 8, 16 or 32 first");
 }
 
 // Index values of the frame's dimensions go to its time or its channel.
@@ -217,8 +290,9 @@ std::vector<DicomPlace> placesOf(const DicomHeader& header, std::size_t frames,
     DicomPlace place;
     place.index = frame;
     place.name = "frame " + std::to_string(frame + 1);
-    place.position = dicomPosition(header.value(dicom::kImagePosition, frame));
-    place.number = integer(header.value(dicom::kInStackPosition, frame), 0);
+    if (header.hasGroups()) takeDicomPosition(header.value(dicom::kImagePosition, frame), place);
+    place.number = integer(header.value(dicom::kInStackPosition, frame),
+                           static_cast<std::int64_t>(header.hasGroups() ? 0 : frame));
     place.stack = header.value(dicom::kStackId, frame);
     const std::string time = header.value(dicom::kTemporalPositionIndex, frame);
     if (frame == 0) first_time = time;
@@ -230,25 +304,16 @@ std::vector<DicomPlace> placesOf(const DicomHeader& header, std::size_t frames,
   return places;
 }
 
-// The values of an element that all slices are to share; empty if none has it.
-std::vector<double> sharedNumbers(const std::string& path, const DicomHeader& header,
-                                  const std::vector<std::size_t>& frames, std::uint32_t tag,
-                                  std::size_t count, const char* what) {
-  const std::vector<double> first = decimalStrings(header.value(tag, frames.front()), count);
-  for (const std::size_t frame : frames) {
-    const std::vector<double> other = decimalStrings(header.value(tag, frame), count);
-    if (!areNear(first, other))
-      throw unusable(path, "frame " + std::to_string(frame + 1) + " has another " + what +
-                               " than frame " + std::to_string(frames.front() + 1) +
+// Throws Error unless all frames have the same numbers, by `numbersOf` a frame.
+template <typename NumbersOf>
+void requireShared(const std::string& path, const std::vector<DicomPlace>& places,
+                   std::int64_t pixels, double unit, const char* what, NumbersOf numbersOf) {
+  const std::size_t first = places.front().index;
+  for (const DicomPlace& place : places)
+    if (!areSameForPixels(numbersOf(first), numbersOf(place.index), pixels, unit))
+      throw unusable(path, "frame " + std::to_string(place.index + 1) + " has another " + what +
+                               " than frame " + std::to_string(first + 1) +
                                "; take its frames apart into volumes of one " + what);
-  }
-  return first;
-}
-
-std::vector<std::size_t> framesOf(const std::vector<DicomPlace>& places) {
-  std::vector<std::size_t> frames;
-  for (const DicomPlace& place : places) frames.push_back(place.index);
-  return frames;
 }
 
 struct ImagePlane {
@@ -260,16 +325,6 @@ ImagePlane planeOf(const std::string& orientation) {
   const std::vector<double> axes = decimalStrings(orientation, 6);
   if (axes.empty()) return {};
   return {{axes[0], axes[1], axes[2]}, {axes[3], axes[4], axes[5]}};
-}
-
-void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::string>& notes) {
-  const auto differs = [&](const DicomValueMap& map) {
-    return map.slope != maps.front().slope || map.intercept != maps.front().intercept;
-  };
-  if (std::any_of(maps.begin(), maps.end(), differs))
-    notes.push_back("rescale slope and intercept, which differ, were applied to each frame");
-  else if (maps.front().slope != 1 || maps.front().intercept != 0)
-    notes.push_back("rescale slope and intercept were applied to the stored values");
 }
 
 // The number of frames, of which the header states the places of all or none.
@@ -285,42 +340,101 @@ std::size_t countFrames(const std::string& path, const DicomHeader& header) {
   return count;
 }
 
+// The frames of a dose grid are at distances along its normal.
+void placeByOffsets(const DicomHeader& header, const glm::dvec3& normal,
+                    std::vector<DicomPlace>& places) {
+  const std::vector<double> offsets =
+      decimalStrings(header.value(dicom::kGridFrameOffsets), places.size());
+  DicomPlace first;
+  takeDicomPosition(header.value(dicom::kImagePosition), first);
+  if (offsets.empty() || !first.position) return;
+  for (std::size_t k = 0; k < places.size(); ++k)
+    places[k].position = *first.position + (offsets[k] - offsets[0]) * normal;
+}
+
+// Frames that no position, but their order tells apart.
+void assumeDistance(const DicomHeader& header, const OpenOptions& options, std::size_t first,
+                    VolumeInfo& info) {
+  DicomPlace place;
+  takeDicomPosition(header.value(dicom::kImagePosition, first), place);
+  if (place.position) info.geometry.origin = *place.position;
+  if (const double distance = dicomSliceDistance(header, first); distance > 0)
+    info.geometry.spacing.z = distance;
+  const std::string along = header.value(dicom::kFrameIncrementPointer);
+  if (along == std::to_string(dicom::kFrameTime) ||
+      along == std::to_string(dicom::kFrameTimeVector))
+    info.notes.push_back("frames are steps of time in the file; they were stacked as slices");
+  if (!options.spacing)
+    info.notes.push_back("frames have no positions: their order and their distance, " +
+                         shortText(info.geometry.spacing.z) + " mm, are assumptions");
+}
+
 // Sorts the frames of one volume, and takes the geometry from them.
 void placeFrames(const DicomStackWords& words, const DicomHeader& header,
                  const OpenOptions& options, std::vector<DicomPlace>& places, VolumeInfo& info) {
-  const std::vector<std::size_t> frames = framesOf(places);
-  sharedNumbers(words.path, header, frames, dicom::kImageOrientation, 6, "orientation");
-  const std::vector<double> pixel_spacing =
-      sharedNumbers(words.path, header, frames, dicom::kPixelSpacing, 2, "pixel spacing");
-  const ImagePlane plane = planeOf(header.value(dicom::kImageOrientation, frames.front()));
+  const std::int64_t pixels = std::max(info.voxels.x, info.voxels.y);
+  requireShared(words.path, places, pixels, 1, "orientation", [&](std::size_t frame) {
+    return decimalStrings(header.value(dicom::kImageOrientation, frame), 6);
+  });
+  requireShared(words.path, places, pixels, 0, "pixel spacing",
+                [&](std::size_t frame) { return dicomPixelSpacing(header, frame); });
+  const std::size_t first = places.front().index;
+  const ImagePlane plane = planeOf(header.value(dicom::kImageOrientation, first));
   GridGeometry& geometry = info.geometry;
   geometry.unit = LengthUnit::kMillimetre;
   geometry.direction = glm::dmat3(plane.row, plane.column, plane.normal());
-  if (!pixel_spacing.empty())  // between rows first
-    geometry.spacing = {pixel_spacing[1], pixel_spacing[0], 1};
+  if (const std::vector<double> spacing = dicomPixelSpacing(header, first); !spacing.empty())
+    geometry.spacing = {spacing[0], spacing[1], 1};
   else if (!options.spacing)
     info.notes.push_back("the file has no pixel spacing: 1 mm is an assumption");
-  if (sortDicomSlices(words, places, geometry, info.notes)) return;
-  for (const std::uint32_t tag : {dicom::kSliceThickness, dicom::kSpacingBetweenSlices}) {
-    const std::vector<double> distance = decimalStrings(header.value(tag, frames.front()), 1);
-    if (!distance.empty() && distance[0] > 0) geometry.spacing.z = distance[0];
-  }
-  if (!options.spacing)
-    info.notes.push_back("frames have no positions: their order and their distance, " +
-                         shortText(geometry.spacing.z) + " mm, are assumptions");
+  if (!header.hasGroups()) placeByOffsets(header, plane.normal(), places);
+  if (!sortDicomSlices(words, places, geometry, info.notes))
+    assumeDistance(header, options, first, info);
 }
 
 }  // namespace
 
-bool hasDicomFrames(const DicomHeader& header) {
-  return header.hasGroups() && integer(header.value(dicom::kNumberOfFrames), 1) > 1;
+std::string faultOfPixels(const DicomHeader& header) {
+  if (header.value(dicom::kRows).empty())  // it was not walked to its end
+    return "it does not say the size of its pictures, or its header is packed; convert it with its "
+           "own software";
+  const std::string photometric = header.value(dicom::kPhotometricInterpretation);
+  if (integer(header.value(dicom::kSamplesPerPixel), 1) != 1 || photometric == "PALETTE COLOR")
+    return "its pixels have colours; convert them to grey values first";
+  if (!header.value(dicom::kTotalPixelMatrixColumns).empty())
+    return "its frames are the tiles of one large picture, and no slices";
+  const std::int64_t bits = integer(header.value(dicom::kBitsAllocated), 16);
+  if (bits != 8 && bits != 16 && bits != 32)
+    return "its pixels have " + std::to_string(bits) + " bits; convert them to 8, 16 or 32 first";
+  return "";
+}
+
+DicomFile dicomFile(const std::string& path, const DicomHeader& header) {
+  DicomFile file;
+  file.path = path;
+  file.stamp = header.stamp;
+  file.syntax = header.value(dicom::kTransferSyntax);
+  file.pixels_at = header.pixels_at;
+  file.packed_bytes = header.packed_bytes;
+  file.columns = integer(header.value(dicom::kColumns), 0);
+  file.rows = integer(header.value(dicom::kRows), 0);
+  file.frames = std::max<std::int64_t>(integer(header.value(dicom::kNumberOfFrames), 1), 1);
+  file.values = dicomValueMap(header);
+  return file;
 }
 
 DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
                                const OpenOptions& options) {
-  refuseOtherImages(path, header);
+  if (const std::string fault = faultOfPixels(header); !fault.empty()) throw unusable(path, fault);
+  const DicomFile file = dicomFile(path, header);
+  const std::size_t frames = countFrames(path, header);
+  if (frames == 1)
+    throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");
+  if (!header.hasGroups() && (options.time || options.channel || !options.grid.empty()))
+    throw unusable(path,
+                   "it does not say of its frames to which time, channel or stack they belong; "
+                   "leave out the choice of one");
   DicomFrames volume;
-  volume.frames_in_file = countFrames(path, header);
   VolumeInfo& info = volume.info;
   info.source = path;
   info.format = "DICOM";
@@ -329,27 +443,29 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
       "find the missing frames or resample the volume"};
 
   bool times_differ = false;
-  std::vector<DicomPlace> places = placesOf(header, volume.frames_in_file, times_differ);
+  std::vector<DicomPlace> places = placesOf(header, frames, times_differ);
   const auto normalOf = [&](const DicomPlace& place) {
     return planeOf(header.value(dicom::kImageOrientation, place.index)).normal();
   };
-  chooseDicomVolume(words, normalOf, times_differ, options, places, info);
+  if (header.hasGroups()) chooseDicomVolume(words, normalOf, times_differ, options, places, info);
   if (places.size() < 2)
     throw unusable(path, "the volume is a single slice; choose one of several slices");
-  placeFrames(words, header, options, places, info);
-  info.voxels = {integer(header.value(dicom::kColumns), 0), integer(header.value(dicom::kRows), 0),
-                 static_cast<std::int64_t>(places.size())};
+  info.voxels = {file.columns, file.rows, static_cast<std::int64_t>(places.size())};
   checkVoxelCounts(path, info.voxels);
+  placeFrames(words, header, options, places, info);
   tidyGeometry(path, info.geometry, info.voxels, info.notes);
 
-  volume.frames = framesOf(places);
-  for (const std::size_t frame : volume.frames) volume.maps.push_back(dicomValueMap(header, frame));
-  DicomVoxelType type = dicomVoxelType(volume.maps);
+  std::vector<DicomValueMap> maps;
+  for (const DicomPlace& place : places) {
+    maps.push_back(dicomValueMap(header, place.index));
+    volume.slices.push_back({0, place.index, maps.back()});
+  }
+  DicomVoxelType type = dicomVoxelType(maps);
   if (options.dicom_float32 && type.type != VoxelType::kFloat32)
     type = {VoxelType::kFloat32, "values became float32, as was asked"};
   info.voxel_type = type.type;
   if (!type.note.empty()) info.notes.push_back(std::move(type.note));
-  noteValueMaps(volume.maps, info.notes);
+  noteValueMaps(maps, info.notes);
   noteMonochrome1(header.value(dicom::kPhotometricInterpretation), info.notes);
   return volume;
 }

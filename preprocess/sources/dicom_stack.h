@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_source.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/volume_source.h"
@@ -22,6 +23,7 @@ struct DicomPlace {
   std::size_t index = 0;               // of the file or the frame
   std::string name;                    // for messages: "'slice7.dcm'", "frame 7"
   std::optional<glm::dvec3> position;  // of its first pixel
+  double rounding = 0;                 // of its numbers: a unit of the last decimal
   std::int64_t number = 0;             // orders slices without positions
   std::string stack;                   // slices of several stacks are several volumes
   std::vector<std::int64_t> time;      // orders volumes of one stack
@@ -45,30 +47,38 @@ void chooseDicomVolume(const DicomStackWords& words,
                        bool times_differ, const OpenOptions& options,
                        std::vector<DicomPlace>& places, VolumeInfo& info);
 
-// Sorts at least two slices by position along the normal of the image plane, which `geometry` has,
-// and gives it the origin and the step from one to the next, in mm. Throws Error if two are at the
-// same position, and if the steps differ by more than a tenth. If positions are missing, sorts by
-// number, leaves the geometry alone, and returns false.
+// Sorts at least two slices by position along the normal of the image plane, which `geometry` has
+// with its spacing, and gives it the origin and the step from one to the next, in mm. Throws Error
+// if two are at the same position, and if one is further than a hundredth of a voxel, or than the
+// rounding of the positions explains, from where an even grid of right angles has it. If positions
+// are missing, sorts by number, leaves the geometry alone, and returns false.
 bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& places,
                      GridGeometry& geometry, std::vector<std::string>& notes);
 
-// "1\2\3" as a position.
-std::optional<glm::dvec3> dicomPosition(const std::string& text);
+// "1\2\3" as the position of a slice; none if it is something else.
+void takeDicomPosition(const std::string& text, DicomPlace& place);
+
+// The distances of pixels along x and y, in mm, of a frame; empty if the header has none.
+std::vector<double> dicomPixelSpacing(const DicomHeader& header, std::size_t frame);
+
+// The distance of slices, or else their thickness, in mm, that a frame states; 0: none.
+double dicomSliceDistance(const DicomHeader& header, std::size_t frame);
+
+// Whether spacings (with the unit 0), or orientations (1), are the same for a picture of so many
+// pixels along its longer side: to a hundredth of a pixel at its end.
+bool areSameForPixels(const std::vector<double>& a, const std::vector<double>& b,
+                      std::int64_t pixels, double unit);
 
 struct DicomFrames {
   VolumeInfo info;
-  std::vector<std::size_t> frames;  // of each slice, the number of its frame in the file, from 0
-  std::vector<DicomValueMap> maps;  // of each slice
-  std::size_t frames_in_file = 0;
+  std::vector<DicomSlice> slices;
 };
 
-// True if functional groups state the places of frames: other files are read as ITK reads them.
-bool hasDicomFrames(const DicomHeader& header);
-
-// Frames sorted by position, with geometry, voxel type, and notes on assumptions. Takes the stack,
-// time point, echo, ... that the options choose if there are several, or throws Error. Throws Error
-// too if frames differ in a property that a volume has only once, and for colours and frames that
-// are no slices.
+// Frames of a file sorted by position, with geometry, voxel type, and notes on assumptions. Takes
+// the stack, time point, echo, ... that the options choose if there are several, or throws Error.
+// Throws Error too if frames differ in a property that a volume has only once, and for colours and
+// frames that are no slices. Frames of a file that does not state the place of each are stacked as
+// they come.
 DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
                                const OpenOptions& options);
 

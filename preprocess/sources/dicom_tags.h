@@ -7,13 +7,14 @@
 namespace isobrick::dicom {
 
 inline constexpr std::uint32_t kTransferSyntax = 0x00020010;
-inline constexpr std::uint32_t kRecognitionCode = 0x00080010;  // retired
+inline constexpr std::uint32_t kImageKind = 0x00080016;  // "SOP class"
 inline constexpr std::uint32_t kSeriesDescription = 0x0008103e;
 
 inline constexpr std::uint32_t kSliceThickness = 0x00180050;
 inline constexpr std::uint32_t kSpacingBetweenSlices = 0x00180088;
 inline constexpr std::uint32_t kFrameTime = 0x00181063;
 inline constexpr std::uint32_t kFrameTimeVector = 0x00181065;
+inline constexpr std::uint32_t kNominalPixelSpacing = 0x00182010;
 inline constexpr std::uint32_t kImagerPixelSpacing = 0x00181164;
 
 inline constexpr std::uint32_t kSeriesUid = 0x0020000e;
@@ -39,7 +40,6 @@ inline constexpr std::uint32_t kSmallestPixel = 0x00280106;
 inline constexpr std::uint32_t kLargestPixel = 0x00280107;
 inline constexpr std::uint32_t kPadding = 0x00280120;
 inline constexpr std::uint32_t kPaddingRangeLimit = 0x00280121;
-inline constexpr std::uint32_t kWindowCenter = 0x00281050;
 inline constexpr std::uint32_t kRescaleIntercept = 0x00281052;
 inline constexpr std::uint32_t kRescaleSlope = 0x00281053;
 
@@ -62,11 +62,23 @@ inline constexpr std::uint32_t kDimensionIndexValues = 0x00209157;
 inline constexpr std::uint32_t kDimensionIndices = 0x00209222;
 inline constexpr std::uint32_t kDimensionIndexPointer = 0x00209165;
 
+inline constexpr std::uint32_t kDetectorInformation = 0x00540022;
+
 inline constexpr std::uint32_t kGridFrameOffsets = 0x3004000c;
+inline constexpr std::uint32_t kDoseScale = 0x3004000e;
 
 inline constexpr std::uint32_t kPixelData = 0x7fe00010;
 inline constexpr std::uint32_t kItem = 0xfffee000;
 inline constexpr std::uint32_t kItemEnd = 0xfffee00d;
 inline constexpr std::uint32_t kSequenceEnd = 0xfffee0dd;
+
+// Transfer syntaxes: how the elements and the pixels are encoded.
+inline constexpr const char* kImplicit = "1.2.840.10008.1.2";
+inline constexpr const char* kExplicit = "1.2.840.10008.1.2.1";
+inline constexpr const char* kDeflated = "1.2.840.10008.1.2.1.99";
+inline constexpr const char* kBigEndian = "1.2.840.10008.1.2.2";
+inline constexpr const char* kImplicitOfGe = "1.2.840.113619.5.2";  // the pixels big-endian
+
+inline constexpr const char* kMrImage = "1.2.840.10008.5.1.4.1.1.4";
 
 }  // namespace isobrick::dicom

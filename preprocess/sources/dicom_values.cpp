@@ -84,14 +84,26 @@ bool isWhole(double value) { return value == std::floor(value); }
 
 }  // namespace
 
+bool hasIdleRescale(const DicomHeader& header) {
+  return header.value(dicom::kImageKind) == dicom::kMrImage &&
+         !header.value(dicom::kRescaleSlope).empty();
+}
+
 DicomValueMap dicomValueMap(const DicomHeader& header, std::size_t frame) {
   DicomValueMap map;
-  map.slope = decimal(header.value(dicom::kRescaleSlope, frame), 1);
+  if (!hasIdleRescale(header)) {
+    map.slope = decimal(header.value(dicom::kRescaleSlope, frame), 1);
+    map.intercept = decimal(header.value(dicom::kRescaleIntercept, frame), 0);
+  }
+  if (const std::string scale = header.value(dicom::kDoseScale); !scale.empty())
+    map.slope = decimal(scale, 1);
   if (map.slope == 0) map.slope = 1;
-  map.intercept = decimal(header.value(dicom::kRescaleIntercept, frame), 0);
   map.bits_allocated = bitCount(header, dicom::kBitsAllocated, map.bits_allocated);
   map.bits_stored =
       std::min(bitCount(header, dicom::kBitsStored, map.bits_allocated), map.bits_allocated);
+  map.high_bit = bitCount(header, dicom::kHighBit, map.bits_stored - 1);
+  if (map.high_bit < map.bits_stored - 1 || map.high_bit >= map.bits_allocated)
+    map.high_bit = map.bits_stored - 1;
   map.is_signed = decimal(header.value(dicom::kPixelRepresentation), 0) == 1;
   map.smallest = pixelValue(header, dicom::kSmallestPixel, map.is_signed);
   map.largest = pixelValue(header, dicom::kLargestPixel, map.is_signed);
@@ -116,9 +128,14 @@ std::vector<double> decimalStrings(const std::string& text, std::size_t count) {
   return values;
 }
 
-bool areNear(const std::vector<double>& a, const std::vector<double>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](double x, double y) { return std::abs(x - y) < 1e-3; });
+void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::string>& notes) {
+  const auto differs = [&](const DicomValueMap& map) {
+    return map.slope != maps.front().slope || map.intercept != maps.front().intercept;
+  };
+  if (std::any_of(maps.begin(), maps.end(), differs))
+    notes.push_back("rescale slope and intercept, which differ, were applied to each frame");
+  else if (maps.front().slope != 1 || maps.front().intercept != 0)
+    notes.push_back("rescale slope and intercept were applied to the stored values");
 }
 
 void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes) {

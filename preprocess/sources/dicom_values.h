@@ -17,6 +17,7 @@ struct DicomValueMap {
   double slope = 1, intercept = 0;
   int bits_allocated = 16;
   int bits_stored = 16;
+  int high_bit = 15;  // the uppermost of those stored
   bool is_signed = false;
   // Stored numbers, as the writer claims them; many leave them out, and some are wrong.
   std::optional<std::int64_t> smallest, largest;
@@ -25,14 +26,16 @@ struct DicomValueMap {
   bool operator==(const DicomValueMap&) const = default;
 };
 
+// True for slope and intercept that do not apply: images of this kind (MR) have none by the
+// standard.
+bool hasIdleRescale(const DicomHeader& header);
+
 // Missing elements have their usual values; a slope of 0 is taken as 1, as GDCM does. `frame`
 // counts from 0.
 DicomValueMap dicomValueMap(const DicomHeader& header, std::size_t frame = 0);
 
 // "1\2\3" -> {1, 2, 3}; empty if it is something else.
 std::vector<double> decimalStrings(const std::string& text, std::size_t count);
-// Whether both have as many numbers, and as written carelessly the same.
-bool areNear(const std::vector<double>& a, const std::vector<double>& b);
 
 struct DicomVoxelType {
   VoxelType type = VoxelType::kFloat32;
@@ -55,6 +58,9 @@ struct DicomVoxelType {
 // 3 and 4 trust facts of the header that it cannot prove. The reader of the slices compares every
 // value with the type, and refuses one that does not fit: nothing is ever cut off.
 DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps);
+
+// Adds a note if slopes and intercepts change what is stored.
+void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::string>& notes);
 
 // Adds a note if small values are meant to be shown bright.
 void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes);

@@ -1,7 +1,6 @@
 // The common part of single files and folders: ITK itself, its errors, and the headers of images.
 #include "isobrick/preprocess/sources/itk_common.h"
 
-#include <itkGDCMImageIO.h>
 #include <itkImageIOFactory.h>
 #include <itkPNGImageIOFactory.h>
 
@@ -46,32 +45,76 @@ std::string plainMessage(std::string text) {
   return line;
 }
 
-// Catches the output of a library on std::cerr while it lives: MetaIO reports some errors only
-// there, and the user gets one line for an error. One at a time in the process; another thread's
-// std::cerr meanwhile is caught too.
-class CerrCapture {
+// Stands before the buffer of std::cerr while any thread catches its own output.
+class CerrByThread final : public std::streambuf {
  public:
-  CerrCapture() : lock_(mutex()), previous_(std::cerr.rdbuf(text_.rdbuf())) {}
-  ~CerrCapture() { std::cerr.rdbuf(previous_); }
-  CerrCapture(const CerrCapture&) = delete;
-  CerrCapture& operator=(const CerrCapture&) = delete;
-  std::string text() const { return text_.str(); }
+  static void begin(std::string* caught) {
+    CerrByThread& self = instance();
+    const std::lock_guard lock(self.mutex_);
+    if (self.captures_++ == 0) self.others_ = std::cerr.rdbuf(&self);
+    caught_ = caught;
+  }
+  static void end() {
+    CerrByThread& self = instance();
+    const std::lock_guard lock(self.mutex_);
+    caught_ = nullptr;
+    if (--self.captures_ == 0) std::cerr.rdbuf(self.others_);
+  }
+
+ protected:
+  int_type overflow(int_type c) override {
+    if (traits_type::eq_int_type(c, traits_type::eof())) return traits_type::not_eof(c);
+    const char one = traits_type::to_char_type(c);
+    return xsputn(&one, 1) == 1 ? c : traits_type::eof();
+  }
+  std::streamsize xsputn(const char* text, std::streamsize count) override {
+    if (caught_ != nullptr) {
+      caught_->append(text, static_cast<std::size_t>(count));
+      return count;
+    }
+    const std::lock_guard lock(mutex_);
+    return others_->sputn(text, count);
+  }
+  int sync() override {
+    if (caught_ != nullptr) return 0;
+    const std::lock_guard lock(mutex_);
+    return others_->pubsync();
+  }
 
  private:
-  static std::mutex& mutex() {
-    static std::mutex the_mutex;
-    return the_mutex;
+  static CerrByThread& instance() {
+    static CerrByThread* const the_one =
+        new CerrByThread;  // another thread may be in it at the end
+    return *the_one;
   }
-  std::lock_guard<std::mutex> lock_;
-  std::ostringstream text_;
-  std::streambuf* previous_;
+
+  static thread_local std::string* caught_;  // of this thread; null: it goes to the others
+  std::mutex mutex_;                         // guards both below
+  int captures_ = 0;
+  std::streambuf* others_ = nullptr;
+};
+thread_local std::string* CerrByThread::caught_ = nullptr;
+
+// Catches what this thread prints on std::cerr while it lives: MetaIO reports some errors only
+// there, and the user gets one line for an error. Other threads print as before.
+class CerrCapture {
+ public:
+  CerrCapture() { CerrByThread::begin(&text_); }
+  ~CerrCapture() { CerrByThread::end(); }
+  CerrCapture(const CerrCapture&) = delete;
+  CerrCapture& operator=(const CerrCapture&) = delete;
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
 };
 
 Error unknownFormat(const std::string& path) {
   static constexpr std::pair<const char*, const char*> kConverters[] = {
       {".gipl", "save it as .nrrd with 3D Slicer"},
       {".gipl.gz", "save it as .nrrd with 3D Slicer"},
-      {".pic", "save it as .tif with Fiji"}};
+      {".pic", "save it as .tif with Fiji"},
+      {".zip", "unpack it and name the folder"}};
   for (const auto& [ending, advice] : kConverters)
     if (lowercase(path).ends_with(ending))
       return unusable(path, std::string("this format is not read; ") + advice);
@@ -107,15 +150,13 @@ itk::ImageIOBase::Pointer openBy(const std::string& path, const OpenOptions& opt
   return image;
 }
 
-itk::ImageIOBase::Pointer dicomReader() { return itk::GDCMImageIO::New().GetPointer(); }
-
 }  // namespace
 
 void prepareItk() {
   static std::once_flag once;
   std::call_once(once, [] {
     itk::Object::GlobalWarningDisplayOff();
-    // DICOM is not among them: openImage() reads such files itself (dicom_header.h).
+    // DICOM is not among them: such files are read by dicom_header.h.
     registerFactories<itk::PNGImageIOFactory>();
   });
 }
@@ -133,7 +174,7 @@ Error itkError(const std::string& path, const std::exception& exception) {
 
 std::string formatName(const itk::ImageIOBase& image) {
   const std::string name = image.GetNameOfClass();
-  return name == "GDCMImageIO" ? "DICOM" : name.substr(0, name.find("ImageIO"));
+  return name.substr(0, name.find("ImageIO"));
 }
 
 std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
@@ -156,19 +197,8 @@ itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& 
   prepareItk();
   static_cast<void>(InputFile(path));  // says why it cannot be opened
   return openBy(path, options, [&] {
-    return dicomImageHeader(path)
-               ? dicomReader()
-               : itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
+    return itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
   });
-}
-
-itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp,
-                                         const OpenOptions& options) {
-  prepareItk();
-  if (fileStamp(path) != stamp)
-    throw unreadable(path,
-                     "it changed since its header was read; run again when nobody writes to it");
-  return openBy(path, options, dicomReader);
 }
 
 Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsigned axes) {

@@ -29,11 +29,6 @@ Error itkError(const std::string& path, const std::exception& exception);
 // voxel.
 itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options = {});
 
-// The same for a DICOM image that was walked before. Throws Error too if the file is no longer the
-// one with that stamp: GDCM must not read a file that was not walked.
-itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp,
-                                         const OpenOptions& options = {});
-
 // Voxels per axis; trailing axes of length 1 are dropped, missing ones are 1. Throws Error for
 // images with more than one element along further axes than `axes`.
 Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsigned axes = 3);
@@ -62,9 +57,6 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOpt
 // A DICOM file with all slices (frames).
 std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const DicomHeader& header,
                                             const OpenOptions& options);
-// A DICOM file that states the places of its frames (hasDicomFrames()).
-std::unique_ptr<VolumeSource> openDicomFrames(const std::string& path, const DicomHeader& header,
-                                              const OpenOptions& options);
 // A folder with a DICOM series or a stack of slices.
 std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenOptions& options);
 

@@ -10,9 +10,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_stack.h"
-#include "isobrick/preprocess/sources/dicom_tags.h"
-#include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/dicom_series.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/one_grid.h"
@@ -26,17 +24,6 @@ namespace isobrick {
 namespace itk_detail {
 namespace {
 
-// The frames of a dose grid, in mm along its normal.
-void checkFrameOffsets(const std::string& path, const std::string& text) {
-  const auto count = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\\')) + 1;
-  const std::vector<double> offsets = decimalStrings(text, count);
-  const double mean = offsets.size() < 2 ? 0
-                                         : (offsets.back() - offsets.front()) /
-                                               static_cast<double>(offsets.size() - 1);
-  bool is_even = mean != 0;
-  for (std::size_t i = 1; is_even && i < offsets.size(); ++i)
-    is_even = std::abs(offsets[i] - offsets[i - 1] - mean) <= 0.01 * std::abs(mean);
-  if (!is_even) throw unusable(path, "its frames are not at even distances; resample it first");
 }
 
 VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image,
@@ -56,25 +43,6 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   stored.type = storedTypeOf(image.GetComponentType());
   info.voxel_type = stored.delivered();
   return info;
-}
-
-// Frames of a file that does not state the place of each. ITK stacks them as they come.
-void describePlainFrames(const std::string& path, const DicomHeader& header,
-                         const itk::ImageIOBase& image, const OpenOptions& options,
-                         std::vector<std::string>& notes) {
-  if (header.value(dicom::kNumberOfFrames).empty())  // of a file that was not walked to its end
-    throw unusable(path,
-                   "its header is packed or in an encoding of one maker, so where its frames are "
-                   "is unknown; convert it with its own software");
-  if (const std::string offsets = header.value(dicom::kGridFrameOffsets); !offsets.empty())
-    return checkFrameOffsets(path, offsets);
-  const std::string along = header.value(dicom::kFrameIncrementPointer);
-  if (along == std::to_string(dicom::kFrameTime) ||
-      along == std::to_string(dicom::kFrameTimeVector))
-    notes.push_back("frames are steps of time in the file; they were stacked as slices");
-  if (options.spacing) return;
-  notes.push_back("frames have no positions: their order and their distance, " +
-                  shortText(std::abs(image.GetSpacing(2))) + " mm, are assumptions");
 }
 
 // A 3-D image that cannot be streamed, in one file or behind a header in several: held in memory
@@ -162,27 +130,18 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOpt
   return openImageFile(path, {path}, openImage(path, options), options);
 }
 
-std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const DicomHeader& header,
-                                            const OpenOptions& options) {
-  if (hasDicomFrames(header)) return openDicomFrames(path, header, options);
-  if (options.time || options.channel || !options.grid.empty())
-    throw unusable(path,
-                   "it does not say of its frames to which time, channel or stack they belong; "
-                   "leave out the choice of one");
-  itk::ImageIOBase::Pointer image = openDicomImage(path, header.stamp, options);
-  std::vector<std::string> notes;
-  noteMonochrome1(header.value(dicom::kPhotometricInterpretation), notes);
-  if (imageVoxels(path, *image).z > 1) describePlainFrames(path, header, *image, options, notes);
-  return openImageFile(path, {path}, std::move(image), options, std::move(notes));
-}
-
 }  // namespace itk_detail
 
 std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenOptions& options) {
-  if (!isFolder(path)) return itk_detail::openItkFile(path, options);
+  const bool is_medium = !isFolder(path) && isDicomDirectory(path);
+  if (!isFolder(path) && !is_medium) return itk_detail::openItkFile(path, options);
   refuseComponentChoice(path, options);
   try {
-    return itk_detail::openItkFolder(path, options);
+    const std::size_t name = path.rfind('/');
+    return itk_detail::openItkFolder(!is_medium                  ? path
+                                     : name == std::string::npos ? "."
+                                                                 : path.substr(0, name + 1),
+                                     options);
   } catch (const Error& error) {
     const std::vector<Remedy>& remedies = error.remedies();
     if (std::find(remedies.begin(), remedies.end(), Remedy::kChooseComponent) == remedies.end())

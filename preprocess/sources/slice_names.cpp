@@ -243,6 +243,20 @@ std::vector<std::string> filesInFolder(const std::string& folder) {
   return files;
 }
 
+std::vector<std::string> filesBelowFolder(const std::string& folder) {
+  constexpr std::size_t kMostFolders = 100000;
+  std::vector<std::string> files, folders = {folder};
+  for (std::size_t i = 0; i < folders.size(); ++i)
+    visitFolder(folders[i], [&](const FolderMember& member) {
+      if (member.isRegularFile()) files.push_back(member.path().string());
+      if (member.isFolder() && !member.isLink() && folders.size() < kMostFolders)
+        folders.push_back(member.path().string());
+      return true;
+    });
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 std::vector<std::string> chooseSlices(const std::vector<std::string>& files,
                                       const OpenOptions& options, VolumeInfo& info) {
   std::vector<NumberedSlice> slices = namesOfOneKind(files, info);

@@ -13,6 +13,9 @@ namespace isobrick {
 // links to nowhere, which may be slices (not for those of editors, whose names begin with a dot).
 std::vector<std::string> filesInFolder(const std::string& folder);
 
+// Regular files in the folders below it, sorted; links to folders are not followed.
+std::vector<std::string> filesBelowFolder(const std::string& folder);
+
 // The slices of one volume among some files of a folder, in their order, by the numbers in their
 // names: names of another kind beside a run of slices are left out with a note; numbers of channels
 // ("_ch01") and times ("_t01") beside those of slices are chosen by the options. Names without

@@ -119,9 +119,7 @@ TEST_P(DicomFolder, IsReadByAnyRowsAndSkippedSlicesAreNotDecoded) {
   const auto source = openItkSource(folder_.string());
   ASSERT_EQ(source->files().size(), 4u);
   EXPECT_EQ(fs::path(source->files()[3]).filename(), std::to_string(number(3)));
-  // Some slices, not the volume. (With an intercept ITK takes 4 bytes for each of these voxels.)
-  EXPECT_GE(source->bufferBytes(), 2 * GetParam().pixelBytes());
-  EXPECT_LE(source->bufferBytes(), 6 * GetParam().pixelBytes());
+  EXPECT_EQ(source->bufferBytes(), GetParam().pixelBytes());  // a slice, not the volume
   fs::remove(pathOf(std::to_string(number(2))));  // its rows are skipped
   const std::int64_t row = GetParam().voxels.x, slice_rows = GetParam().voxels.y;
   std::vector<std::int16_t> rows(static_cast<std::size_t>(2 * row * slice_rows));

@@ -3,10 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -38,6 +42,11 @@ struct Slice {
   std::optional<int> height;                                             // otherwise the number
   bool has_position = true;
   std::string photometric = "MONOCHROME2";
+  std::string position;                        // otherwise 0\\0\\height
+  std::string spacing = "1\\1";                // of pixels
+  std::map<std::uint32_t, const char*> types;  // of elements, other than the standard's
+  std::string private_element;                 // before group 20
+  std::optional<int> high_bit;                 // otherwise that below bits_stored
 };
 
 class DicomBytes {
@@ -45,10 +54,11 @@ class DicomBytes {
   explicit DicomBytes(bool is_explicit) : is_explicit_(is_explicit) {}
 
   void add(std::uint32_t tag, const char* type, std::string value) {
+    if (const auto other = types.find(tag); other != types.end()) type = other->second;
     if (value.size() % 2 != 0) value += type[0] == 'U' && type[1] == 'I' ? '\0' : ' ';
     addTag(tag);
-    const bool is_long =
-        std::string(type) == "OW" || std::string(type) == "OB" || std::string(type) == "SQ";
+    static const std::set<std::string> kLong = {"OW", "OB", "SQ", "UN", "UT"};
+    const bool is_long = kLong.contains(type);
     if (is_explicit_) bytes += type;
     if (is_explicit_ && is_long) add16(0);
     if (is_explicit_ && !is_long)
@@ -75,6 +85,7 @@ class DicomBytes {
   }
 
   std::string bytes;
+  std::map<std::uint32_t, const char*> types;
 
  private:
   bool is_explicit_;
@@ -86,28 +97,32 @@ const char* const kImplicit = "1.2.840.10008.1.2";
 // From group 8 on.
 std::string dataSetOf(const Slice& slice) {
   DicomBytes d(slice.syntax != kImplicit);
+  d.types = slice.types;
   const std::string uid = "1.2.3." + std::to_string(slice.number);
   d.add(0x00080016, "UI", kCtStorage);
   d.add(0x00080018, "UI", uid);
   d.add(0x00080060, "CS", "CT");
   if (!slice.description.empty()) d.add(0x0008103e, "LO", slice.description);
   d.add(0x00180050, "DS", "1");
+  d.bytes += slice.private_element;
   d.add(0x0020000d, "UI", "1.2.3");
   d.add(0x0020000e, "UI", slice.series_uid);
   if (!slice.series_number.empty()) d.add(0x00200011, "IS", slice.series_number);
   d.add(0x00200013, "IS", std::to_string(slice.number));
   if (slice.has_position)
-    d.add(0x00200032, "DS", "0\\0\\" + std::to_string(slice.height.value_or(slice.number)));
+    d.add(0x00200032, "DS",
+          slice.position.empty() ? "0\\0\\" + std::to_string(slice.height.value_or(slice.number))
+                                 : slice.position);
   d.add(0x00200037, "DS", "1\\0\\0\\0\\1\\0");
   if (!slice.time.empty()) d.add(0x00200100, "IS", slice.time);
   d.addNumber(0x00280002, 1);
   d.add(0x00280004, "CS", slice.photometric);
   d.addNumber(0x00280010, slice.rows);
   d.addNumber(0x00280011, slice.columns);
-  d.add(0x00280030, "DS", "1\\1");
+  d.add(0x00280030, "DS", slice.spacing);
   d.addNumber(0x00280100, 16);
   d.addNumber(0x00280101, slice.bits_stored);
-  d.addNumber(0x00280102, slice.bits_stored - 1);
+  d.addNumber(0x00280102, slice.high_bit.value_or(slice.bits_stored - 1));
   d.addNumber(0x00280103, slice.is_signed ? 1 : 0);
   if (slice.smallest) d.addNumber(0x00280106, *slice.smallest);
   if (slice.largest) d.addNumber(0x00280107, *slice.largest);
@@ -315,6 +330,64 @@ TEST(DicomVoxelTypeTest, FollowsItsRules) {
   EXPECT_EQ(type({claims}), VoxelType::kInt16);
 }
 
+TEST_F(DicomSeriesTest, TheHighBitSaysWhereTheStoredBitsAre) {
+  Slice slice;
+  slice.bits_stored = 12;
+  slice.high_bit = 15;
+  slice.intercept = "0";
+  slice.pixels = {100 << 4, (4000 << 4) + 7, 0xfff0};
+  slice.is_signed = false;
+  writeSeries(slice, 2);
+  const auto values = readVoxels<std::int16_t>(*open());
+  EXPECT_EQ(std::vector<std::int16_t>(values.begin(), values.begin() + 3),
+            std::vector<std::int16_t>({100, 4000, 4095}));
+  slice.is_signed = true;
+  writeSeries(slice, 2);
+  EXPECT_EQ(readVoxels<std::int16_t>(*open())[2], -1);
+}
+
+// ---- one grid -------------------------------------------------------------------------------
+
+TEST_F(DicomSeriesTest, SlicesBesideTheLineAreRefused) {
+  const auto messageOf = [&](const std::function<std::string(int)>& positionOf) {
+    writeSeries({}, 12, [&](Slice& slice) { slice.position = positionOf(slice.number); });
+    return errorOf([&] { open(); });
+  };
+  const auto at = [](double x, double y, double z) {
+    std::ostringstream text;
+    text << x << '\\' << y << '\\' << z;
+    return text.str();
+  };
+  // One slice, half of them, every second; far, and by a pixel.
+  EXPECT_CONTAINS(messageOf([&](int k) { return at(-8.4, k == 5 ? 24.5 : -6, 2.5 * k); }),
+                  "5.dcm' is 30.5 mm (30.5 voxels) beside the line");
+  EXPECT_CONTAINS(messageOf([&](int k) { return at(k > 6 ? 1 : 0, 0, k); }), "beside the line");
+  EXPECT_CONTAINS(messageOf([&](int k) { return at(0, k % 2 * 9.1, 2.5 * k); }), "beside the line");
+  EXPECT_CONTAINS(messageOf([&](int k) { return at(0, 0.01 * k, 2.5 * k); }), "tilted gantry");
+  EXPECT_CONTAINS(messageOf([&](int k) { return at(0, 0, k + (k == 7 ? 0.03 : 0)); }), "mm apart");
+}
+
+TEST_F(DicomSeriesTest, PositionsThatAreRoundedAreEven) {
+  for (const double gap : {0.97, 6.37}) {
+    writeSeries({}, 22, [&](Slice& slice) {
+      const auto rounded = [](double v) {
+        std::ostringstream text;
+        text << std::round(10 * v) / 10;
+        return text.str();
+      };
+      slice.position = rounded(-7.9) + '\\' + rounded(0) + '\\' + rounded(gap * slice.number);
+    });
+    const VolumeInfo info = open()->info();
+    EXPECT_NEAR(info.geometry.spacing.z, gap, 0.1 / 21);
+    EXPECT_EQ(info.geometry.direction[2], glm::dvec3(0, 0, 1));
+  }
+}
+
+TEST_F(DicomSeriesTest, TwoPixelSpacingsAreNoGrid) {
+  writeSeries({}, 4, [](Slice& slice) { slice.spacing = slice.number > 2 ? "1\\1.01" : "1\\1"; });
+  EXPECT_CONTAINS(errorOf([&] { open(); }), "its pixel spacing differs");
+}
+
 // ---- which files ----------------------------------------------------------------------------
 
 TEST_F(DicomSeriesTest, FilesWithoutPreambleAreRead) {
@@ -341,6 +414,61 @@ TEST_F(DicomSeriesTest, FilesWithoutPreambleAreRead) {
       write("2", whole.substr(0, whole.size() - 5));
       EXPECT_CONTAINS(errorOf([&] { open(); }), pathOf("2"));
     }
+}
+
+TEST_F(DicomSeriesTest, ElementsOfOtherTypesAreRead) {
+  const std::pair<std::uint32_t, const char*> kTypes[] = {
+      {0x00280030, "UT"}, {0x00280030, "LO"}, {0x00280030, "UN"}, {0x00281053, "UN"},
+      {0x00281052, "LO"}, {0x00281052, "UT"}, {0x00200032, "UN"}, {0x00200037, "ST"},
+      {0x00280010, "SS"}, {0x00280011, "UN"}, {0x00280101, "UN"}, {0x00280103, "SS"},
+      {0x00280004, "LO"}, {0x7fe00010, "UN"}, {0x7fe00010, "OB"}, {0x0020000e, "UN"}};
+  for (const auto& [tag, type] : kTypes) {
+    Slice slice;
+    slice.pixels = {1, 2, 3, 1024};
+    slice.spacing = "0.6\\0.7";
+    slice.types = {{tag, type}};
+    writeSeries(slice, 3);
+    const auto source = open();
+    EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(0.7, 0.6, 1)) << tag << type;
+    EXPECT_EQ(readVoxels<std::int16_t>(*source)[3], 0) << tag << type;
+  }
+}
+
+// Private elements: two bytes of a length behind what is no type, four, or no type at all.
+TEST_F(DicomSeriesTest, ElementsOfUnknownTypesArePassedOver) {
+  const std::string tag("\x19\0\x01\x10", 4);
+  for (const std::string& head :
+       {std::string("  \4\0", 4), std::string("??\4\0", 4), std::string("\0\0\4\0", 4),
+        std::string("\6\0\4\0", 4), std::string("ZZ\0\0\4\0\0\0", 8), std::string("\4\0\0\0", 4)}) {
+    Slice slice;
+    slice.private_element = tag + head + "abcd";
+    slice.pixels = {1025};
+    writeSeries(slice, 2);
+    EXPECT_EQ(readVoxels<std::int16_t>(*open())[0], 1) << head;
+  }
+}
+
+TEST_F(DicomSeriesTest, FilesInFoldersBelowAreFound) {
+  for (const char* below : {"ST0/SE0/", "ST0/SE1/"}) {
+    fs::create_directories(pathOf(below));
+    for (int k = 1; k <= 3; ++k) {
+      Slice slice;
+      slice.number = k;
+      slice.series_uid = std::string("1.2.") + below[6];
+      write(below + std::to_string(k), fileOf(slice));
+    }
+  }
+  DicomBytes d(true);
+  d.add(0x00041130, "CS", "MEDIUM");
+  write("DICOMDIR", std::string(128, '\0') + "DICM" + metaOf({}) + d.bytes);
+  write("LOGO.PNG", "a picture of the medium");
+  EXPECT_CONTAINS(errorOf([&] { open(); }), "2 DICOM series");
+  fs::remove_all(pathOf("ST0/SE1"));
+  EXPECT_EQ(open()->info().voxels, Index3(4, 3, 3));
+  EXPECT_EQ(openVolume(pathOf("DICOMDIR"))->info().voxels, Index3(4, 3, 3));
+  fs::remove(pathOf("DICOMDIR"));
+  fs::remove(pathOf("LOGO.PNG"));
+  EXPECT_EQ(open()->info().voxels, Index3(4, 3, 3));
 }
 
 TEST_F(DicomSeriesTest, OtherFilesAreNotMistakenForThem) {
@@ -546,6 +674,14 @@ TEST_F(DicomFramesTest, GapsAndDoublesAreRefused) {
                     openItkSource(write("f", enhancedFile({1, 2, 2, 3}, true)));
                   }),
                   "at the same position");
+}
+
+TEST_F(DicomFramesTest, FramesBesideTheLineAreRefused) {
+  std::string file = enhancedFile({1, 2, 3, 4}, true);
+  const std::size_t at = file.find("5\\6\\3");
+  file.replace(at, 5, "5\\7\\3");
+  EXPECT_CONTAINS(errorOf([&] { openItkSource(write("f", file)); }),
+                  "frame 3 is 1 mm (0.5 voxels) beside the line");
 }
 
 TEST_F(DicomFramesTest, EveryPrefixIsOneErrorAndNoByteCrashes) {

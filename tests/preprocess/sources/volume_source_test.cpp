@@ -11,7 +11,9 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <limits>
+#include <thread>
 
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/sources/format_sources.h"
@@ -472,6 +474,25 @@ TEST_F(VolumeSourceTest, TiffStackIsReadInNumericOrder) {
   EXPECT_CONTAINS(errorOf([&] { openAndRead(folder_.string()); }), "s11.tif");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   EXPECT_CONTAINS(errorOf([&] { openVolume(pathOf("s3.tif")); }), "2-D");
+}
+
+// ITK's output of an error is caught, and nothing else.
+TEST_F(VolumeSourceTest, OtherThreadsPrintWhileAnImageIsOpened) {
+  const std::string path =
+      write("a.mha",
+            "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\n"
+            "ElementDataFile = LOCAL\n" +
+                std::string(8, '\1'));
+  constexpr int kLines = 200;
+  testing::internal::CaptureStderr();
+  {
+    const std::jthread other([] {
+      for (int i = 0; i < kLines; ++i) std::cerr << "a line\n";
+    });
+    for (int i = 0; i < 50; ++i) openAndRead(path);
+  }
+  const std::string printed = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(printed.begin(), printed.end(), '\n'), kLines);
 }
 
 }  // namespace
