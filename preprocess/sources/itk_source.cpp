@@ -24,8 +24,6 @@ namespace isobrick {
 namespace itk_detail {
 namespace {
 
-}
-
 VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image,
                           std::vector<std::string> notes) {
   VolumeInfo info;
