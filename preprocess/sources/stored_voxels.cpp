@@ -108,12 +108,13 @@ void StoredVoxels::decodeInPlace(void* data, std::size_t count) const {
 
 void StoredVoxels::decode(std::byte* stored, std::size_t count, void* out) const {
   if (big_endian) swapElements(stored, count, bytes());
+  const Map to = map.value_or(Map{1, -0.0});  // 0 would lose the sign of -0
   visitStoredType(type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     if (delivered() == VoxelType::kFloat64)
-      mapNumbers<T>(map.value_or(Map{}), stored, count, static_cast<double*>(out));
+      mapNumbers<T>(to, stored, count, static_cast<double*>(out));
     else
-      mapNumbers<T>(map.value_or(Map{}), stored, count, static_cast<float*>(out));
+      mapNumbers<T>(to, stored, count, static_cast<float*>(out));
   });
 }
 
