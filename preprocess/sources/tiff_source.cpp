@@ -157,10 +157,12 @@ const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImag
   if (options.image) volumes = {static_cast<std::size_t>(*options.image)};
   if (images.size() == 1 && !options.image) volumes = {0};
   if (volumes.size() != 1 || volumes.front() >= images.size())
-    throw unusable(path, (volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
-                          : volumes.empty()   ? "none of its images is a volume"
-                                              : "it has several images") +
-                             " (" + list + "); choose an image by its number");
+    throw unusable(path,
+                   (volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
+                    : volumes.empty()   ? "none of its images is a volume"
+                                        : "it has several images") +
+                       " (" + list + ")",
+                   {Remedy::kChooseImage});
   if (images.size() > 1) {
     info.notes.push_back("of the images " + list + ", number " + std::to_string(volumes.front()) +
                          " was taken");
