@@ -19,7 +19,7 @@ namespace isobrick {
 namespace {
 
 constexpr std::size_t kBlockBytes = std::size_t{1} << 20;  // of numbers that become voxels at once
-constexpr std::int64_t kMostSamples = std::int64_t{1} << 16;
+constexpr std::int64_t kMostScannedVoxels = std::int64_t{1} << 16;
 
 // Holds a number and its difference from any double near it.
 template <typename In>
@@ -313,7 +313,8 @@ class FittedSource final : public VolumeSource {
   Census<In> countAll(std::optional<ValueTransform>& tried, const CancelFlag* cancel,
                       const std::function<void(double)>& progress) {
     const Index3& voxels = info_.voxels;
-    const std::int64_t step = elementCount(voxels) / kMostSamples | 1;  // odd: no pattern of rows
+    const std::int64_t step =
+        elementCount(voxels) / kMostScannedVoxels | 1;  // odd: no pattern of rows
     std::mutex mutex;
     const auto caller = std::this_thread::get_id();
     Census<In> all;
