@@ -308,13 +308,13 @@ class Hdf5Source final : public VolumeSource {
     } else {
       std::vector<std::byte> turned(voxels * voxelBytes(info_.voxel_type));
       readInFileOrder(box, turned.data());
-      visitVoxelType(info_.voxel_type, [&](auto tag) {
+      visitNumberType(info_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
         turn(box.count, reinterpret_cast<const T*>(turned.data()), reinterpret_cast<T*>(out));
       });
     }
     if (!map_) return;
-    visitVoxelType(info_.voxel_type, [&](auto tag) {
+    visitNumberType(info_.voxel_type, [&](auto tag) {
       using T = typename decltype(tag)::Type;
       auto* const values = reinterpret_cast<T*>(out);
       for (std::size_t i = 0; i < voxels; ++i)
