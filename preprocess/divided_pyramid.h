@@ -53,8 +53,8 @@ DividedFileState stateOfDividedFile(const std::string& path, const std::string& 
 // How joinPyramid() works.
 struct JoinOptions {
   std::uint64_t memory_bytes = std::uint64_t{1} << 30;  // as of BuildOptions
-  const CancelFlag* cancel = nullptr;                     // may be null
-  BuildProgress progress;                                 // may be empty
+  const CancelFlag* cancel = nullptr;                   // may be null
+  BuildProgress progress;                               // may be empty
 };
 
 // What joinPyramid() did.

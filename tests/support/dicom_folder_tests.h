@@ -120,7 +120,7 @@ TEST_P(DicomFolder, IsReadByAnyRowsAndSkippedSlicesAreNotDecoded) {
   ASSERT_EQ(source->files().size(), 4u);
   EXPECT_EQ(fs::path(source->files()[3]).filename(), std::to_string(number(3)));
   EXPECT_EQ(source->bufferBytes(), GetParam().pixelBytes());  // a slice, not the volume
-  fs::remove(pathOf(std::to_string(number(2))));  // its rows are skipped
+  fs::remove(pathOf(std::to_string(number(2))));              // its rows are skipped
   const std::int64_t row = GetParam().voxels.x, slice_rows = GetParam().voxels.y;
   std::vector<std::int16_t> rows(static_cast<std::size_t>(2 * row * slice_rows));
   const auto check = [&](std::int64_t first, std::int64_t count) {

@@ -112,7 +112,7 @@ class VolumeFormats : public VolumeFilesTest {
   template <typename T>
   Surface expected(const std::vector<T>& values, double isovalue = kBone) const {
     return surfaceOf(*openVolume(write("expected.nrrd", nrrdHeader<T>("raw", "little") + "\n" +
-                                                               bytesOfValues(values))),
+                                                            bytesOfValues(values))),
                      isovalue);
   }
 
@@ -347,8 +347,7 @@ TEST_F(VolumeFormats, HeadersGiveTheirGeometry) {
             vtiBytes("Int16", vtiText(vtiEncoded(bytes, variant), variant), variant, frame))));
   NiftiFields fields;
   fields.spacing = spacing;
-  const auto nifti =
-      openVolume(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
+  const auto nifti = openVolume(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
   EXPECT_EQ(nifti->info().geometry.spacing, spacing);
 }
 
