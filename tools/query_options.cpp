@@ -58,6 +58,7 @@ void readIsovalues(QueryOptions& options, const std::string& text, bool several)
   for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
     end = text.find(',', begin);
     const std::string word = text.substr(begin, end - begin);
+    if (word != "auto") static_cast<void>(parseSingle(word));  // no voxel is larger
     options.isovalues.push_back(word == "auto" ? std::nullopt : std::optional(parseNumber(word)));
   }
   if (options.isovalues.size() > 1 && !several)
@@ -198,8 +199,8 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   if (options.simplify && options.simplify->in_world && geometry.unit == LengthUnit::kUnknown) {
     const glm::dvec3& spacing = geometry.spacing;
     throw Error(fmt::format(
-        "--simplify {}mm: the unit of '{}' is unknown; give the distance in voxels, whose least "
-        "spacing is {}",
+        "a distance of {} mm: the unit of '{}' is unknown; give it in voxels, whose least spacing "
+        "is {}",
         options.simplify->distance, withoutSecrets(options.input.path),
         std::min({spacing.x, spacing.y, spacing.z})));
   }

@@ -35,9 +35,11 @@ std::vector<MeshFormatInfo> meshFormats() {
 std::string shiftText(const glm::dvec3& shift) {
   std::string text;
   for (int axis = 0; axis < 3; ++axis) {
-    char digits[32];
+    char digits[352];
     text.append(axis == 0 ? "" : " ")
-        .append(digits, std::to_chars(digits, digits + sizeof digits, shift[axis]).ptr);
+        .append(digits,
+                std::to_chars(digits, digits + sizeof digits, shift[axis], std::chars_format::fixed)
+                    .ptr);
   }
   return text;
 }

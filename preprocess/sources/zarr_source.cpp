@@ -311,9 +311,11 @@ class ZarrOpener {
       }
     else
       names_ = array.axisNames();
-    if (names_.empty())
-      for (const Json& name : member(zarrAttributes(array_path_), "_ARRAY_DIMENSIONS"))
+    if (names_.empty()) {
+      const Json attributes = zarrAttributes(array_path_);
+      for (const Json& name : member(attributes, "_ARRAY_DIMENSIONS"))
         names_.push_back(textOf(name));
+    }
     const bool has_all = std::all_of(names_.begin(), names_.end(),
                                      [](const std::string& name) { return !name.empty(); });
     if (names_.empty() || !has_all) {

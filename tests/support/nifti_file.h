@@ -34,6 +34,10 @@ inline std::string niftiHeader(const Index3& voxels, const NiftiFields& fields, 
   put(72, fields.bits);
   for (std::size_t i = 0; i < 8; ++i)
     put(76 + 4 * i, i >= 1 && i <= 3 ? fields.spacing[static_cast<int>(i) - 1] : 1.0f);
+  // An sform that is the identity in LPS.
+  put(254, std::int16_t{1});
+  for (int axis = 0; axis < 3; ++axis)
+    put(280 + 20 * static_cast<std::size_t>(axis), (axis < 2 ? -1 : 1) * fields.spacing[axis]);
   put(108, fields.offset);
   put(112, fields.slope);
   put(116, fields.intercept);

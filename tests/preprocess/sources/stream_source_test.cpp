@@ -204,8 +204,11 @@ void checkNiftiScaling(const std::function<std::string(const std::string&)>& wri
     for (const float slope : {0.0f, 1.0f, 2.0078f, std::numeric_limits<float>::quiet_NaN()})
       for (const float intercept : {0.0f, -3.3f}) {
         NiftiFields fields{data_type, static_cast<std::int16_t>(8 * sizeof(T)), slope, intercept};
+        OpenOptions as_they_are;
+        as_they_are.keep_numbers = true;
         const auto source =
-            openVolume(write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)));
+            openVolume(write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)),
+                       as_they_are);
         const double s = std::isnan(slope) || slope == 0 ? 1 : static_cast<double>(slope);
         const double b = std::isnan(slope) || slope == 0 ? 0 : static_cast<double>(intercept);
         const bool scaled = s != 1 || b != 0;
@@ -346,13 +349,13 @@ TEST_F(StreamSourceTest, BoxesAreReadByManyThreads) {
     threads.emplace_back([&, t] {
       const IndexBox box{{static_cast<std::int64_t>(t), 0, static_cast<std::int64_t>(t)},
                          {19'990, 3, 1}};
-      std::vector<float> read(static_cast<std::size_t>(box.size()));
+      std::vector<double> read(static_cast<std::size_t>(box.size()));
       for (int repeat = 0; repeat < 20; ++repeat) {
         source->readBox(box, read.data());
         for (std::int64_t y = 0; y < 3; ++y)
           for (std::int64_t x = 0; x < 19'990; ++x)
             wrong[t] += read[static_cast<std::size_t>(y * 19'990 + x)] !=
-                        static_cast<float>(linearIndex(box.first + Index3(x, y, 0), dims));
+                        static_cast<double>(linearIndex(box.first + Index3(x, y, 0), dims));
       }
     });
   for (std::thread& thread : threads) thread.join();
