@@ -225,6 +225,7 @@ TEST_F(LengthUnitTest, NiftiScalesTheOriginToo) {
     header[123] = unit.code;
     const std::int16_t scanner = 1;
     std::memcpy(header.data() + 252, &scanner, sizeof scanner);  // a qform without rotation
+    header[254] = 0;                                             // and no sform
     const float origin[] = {-1000, 2000, 3000.5f};               // RAS
     std::memcpy(header.data() + 268, origin, sizeof origin);
     write("a.nii",
