@@ -53,12 +53,16 @@ class SourceView : public VolumeSource {
   VolumeInfo info_;
 
  private:
+  // Whether its voxels have another type than the source's, which may choose later.
+  virtual bool hasTypeOfItsOwn() const { return false; }
   // With the notes of the source from number `first_note` on.
   void takeChoice(std::size_t first_note) {
     const VolumeInfo& chosen = source_->info();
-    info_.voxel_type = chosen.voxel_type;
-    info_.values = chosen.values;
-    info_.range = chosen.range;
+    if (!hasTypeOfItsOwn()) {
+      info_.voxel_type = chosen.voxel_type;
+      info_.values = chosen.values;
+      info_.range = chosen.range;
+    }
     info_.notes.insert(info_.notes.end(),
                        chosen.notes.begin() + static_cast<std::ptrdiff_t>(first_note),
                        chosen.notes.end());
@@ -167,6 +171,7 @@ class MappedSource : public SourceView {
   using SourceView::SourceView;
 
  private:
+  bool hasTypeOfItsOwn() const final { return true; }
   // For the source's type and of info_.voxel_type.
   virtual void mapValues(const std::byte* from, std::size_t count, void* to) const = 0;
 
