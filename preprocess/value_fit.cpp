@@ -18,7 +18,8 @@
 namespace isobrick {
 namespace {
 
-constexpr std::size_t kBlockBytes = std::size_t{1} << 20;  // of numbers that become voxels at once
+constexpr std::size_t kBytesAtATime = std::size_t{1}
+                                      << 20;  // of numbers that become voxels at once
 constexpr std::int64_t kMostScannedVoxels = std::int64_t{1} << 16;
 
 // Holds a number and its difference from any double near it.
@@ -199,7 +200,7 @@ class FittedSource final : public VolumeSource {
   std::vector<std::string> files() const override { return numbers_->files(); }
   std::string identity() const override { return numbers_->identity(); }
   std::vector<std::string> notesOfReading() const override { return numbers_->notesOfReading(); }
-  std::uint64_t bufferBytes() const override { return numbers_->bufferBytes() + kBlockBytes; }
+  std::uint64_t bufferBytes() const override { return numbers_->bufferBytes() + kBytesAtATime; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     auto* to = static_cast<std::byte*>(out);
@@ -213,7 +214,7 @@ class FittedSource final : public VolumeSource {
 
   void readBox(const IndexBox& box, void* out) const override {
     const std::size_t number_bytes = voxelBytes(*info_.numbers);
-    const auto most = static_cast<std::int64_t>(kBlockBytes / number_bytes);
+    const auto most = static_cast<std::int64_t>(kBytesAtATime / number_bytes);
     // As many slices as fit, or rows of one.
     const std::int64_t slices =
         std::clamp<std::int64_t>(most / (box.count.x * box.count.y), 1, box.count.z);
@@ -259,7 +260,7 @@ class FittedSource final : public VolumeSource {
     const std::size_t row_bytes =
         static_cast<std::size_t>(source.info().voxels.x) * voxelBytes(source.info().voxel_type);
     const std::int64_t most =
-        std::clamp<std::int64_t>(static_cast<std::int64_t>(kBlockBytes / row_bytes), 1, count);
+        std::clamp<std::int64_t>(static_cast<std::int64_t>(kBytesAtATime / row_bytes), 1, count);
     std::vector<std::byte> block(static_cast<std::size_t>(most) * row_bytes);
     for (const std::int64_t end = first + count; first < end;) {
       const std::int64_t rows = std::min(most, end - first);
@@ -341,7 +342,7 @@ class FittedSource final : public VolumeSource {
       tried = guess(reinterpret_cast<const In*>(slice.data()), voxels.x * voxels.y);
     }
     const std::int64_t slices = std::clamp<std::int64_t>(
-        static_cast<std::int64_t>(kBlockBytes / slice.size()), 1, voxels.z);
+        static_cast<std::int64_t>(kBytesAtATime / slice.size()), 1, voxels.z);
     isolatedFor(std::int64_t{0}, (voxels.z + slices - 1) / slices, [&](std::int64_t slab) {
       const std::int64_t z = slab * slices, count_z = std::min(slices, voxels.z - z);
       std::vector<std::byte> block(slice.size() * static_cast<std::size_t>(count_z));

@@ -50,7 +50,7 @@ def test_numbers_tiles_and_planes_of_all_kinds_are_read():
     kinds = ("u1", "i1", "u2", "i2", "f2", "u4", "i4", "f4", "u8", "i8", "f8")
     for number, kind in enumerate(kinds):
         values = (random.random((5, 40, 50, 3)) * 100).astype(kind)
-        delivered = values.astype(kind if kind in ("u1", "i1", "u2", "i2") else "f4")
+        delivered = values.astype("f4" if kind == "f2" else kind)
         # 32-bit integers packed and not, of the others one.
         for compression in (None, "zlib") if kind == "u4" else (("zlib", None)[number % 2],):
             grey = {"photometric": "minisblack", "compression": compression, "metadata": None}

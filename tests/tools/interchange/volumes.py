@@ -20,9 +20,9 @@ def voxels(kind, shape=SHAPE, seed=1):
 def raw_of(path, *words):
     """The voxels that isobrick reads, and what it says of them."""
     about = run("convert", path, "-o", "read.raw", "--force", "--json", *words)
-    kind = {"uint8": "u1", "int8": "i1", "uint16": "<u2", "int16": "<i2", "float32": "<f4"}
+    kind = np.dtype(about["voxel_type"]).newbyteorder("<")
     shape = about["dimensions"][::-1]
-    return np.fromfile("read.raw", kind[about["voxel_type"]]).reshape(shape), about
+    return np.fromfile("read.raw", kind).reshape(shape), about
 
 
 def expect_same(found, expected):
