@@ -14,13 +14,12 @@
 #include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/golden_pyramid.h"
+#include "tests/support/sealed_pyramid.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"
 
 namespace isobrick::test {
 namespace {
-
-using Bytes = std::vector<std::uint8_t>;
 
 std::string goldenText(const std::string& name) {
   return readBytes(goldenFolder() + "/" + name + ".txt");
