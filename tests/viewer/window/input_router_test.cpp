@@ -92,8 +92,8 @@ class InputRouterTest : public testing::Test {
   double seconds_ = 0.0;
   Wishes wishes_;
   std::optional<UserQuestion> question_;
-  const std::deque<FrameTimes> frames_;
-  const std::vector<std::string> recent_;
+  const std::deque<FrameTimes> frames_{};
+  const std::vector<std::string> recent_{};
   NamedViews views_;
 };
 
