@@ -27,8 +27,8 @@ struct VolumeInfo {
   // Facts of the file beside its voxels that a writer of its format needs again, such as the
   // background of an OpenVDB grid: "vdb.background" and its value as text.
   std::map<std::string, std::string> properties = {};
-  // From what is delivered to the values of the input, and their range if that is no identity.
-  ValueTransform values = {};
+  ValueTransform values = {};  // from what is delivered to the values of the input
+  // The least and the greatest value of the input, if `values` is no identity.
   RealRange range = {};
   // The type of the input's numbers, if no pyramid holds it and others are delivered.
   std::optional<VoxelType> numbers = {};

@@ -149,7 +149,7 @@ def test_numbers_that_no_voxel_type_holds(tmp_path: Path) -> None:
         (101325 + 0.001 * distance, 101325.0, np.float64),
         (1_700_000_000 + np.rint(100 * distance).astype(np.int32), 1.7e9, np.int32),
         (np.rint(100 * distance).astype(np.int64), 0.5, np.int16),
-        (np.uint64(2**63) + np.rint(100 * distance + 9000).astype(np.uint64), 2.0**63 + 10240, np.uint64),
+        (np.uint64(2**63) + np.rint(100 * distance + 10240).astype(np.uint64), 2.0**63 + 10240, np.uint64),
     ]
     for array, isovalue, dtype in cases:
         with built(array, tmp_path / "v.isb") as pyramid:
@@ -188,6 +188,8 @@ def test_chunks_are_read_aligned_several_at_once_and_rarely_twice(tmp_path: Path
         shape, dtype, chunks = array.shape, array.dtype, (32, 32, 32)
 
         def __getitem__(self, box: Any) -> Any:
+            if box[0].stop - box[0].start == 8:  # the sample by which an array is known again
+                return array[box]
             with lock:
                 reads.append(box)
                 most[0] += 1

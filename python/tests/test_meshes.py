@@ -81,6 +81,7 @@ def random_query(draw: random.Random, pyramid: isobrick.Pyramid) -> tuple[dict[s
     if kind == "simplify":
         distance = draw.uniform(0.05, 1)
         choice.update(simplify=distance)
+        world = world and pyramid.unit == "millimetres"
         words += ["--simplify", f"{distance!r}{'mm' if world else ''}"]
     choice.update(indices=not world)
     return choice, [*words, *(["--world"] if world else [])]
