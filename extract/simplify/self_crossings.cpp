@@ -164,7 +164,7 @@ std::span<const std::uint32_t> SelfCrossings::find(std::span<const glm::ivec3> p
   const auto check = [&](std::uint32_t t, std::uint32_t other) {
     Triangle a = triangles[t], b = triangles[other];
     const std::size_t shared = alignShared(a, b);
-    if (doCross(pointsOf(a), pointsOf(b), shared) && hasArea(t) && hasArea(other))
+    if (hasArea(t) && hasArea(other) && doCross(pointsOf(a), pointsOf(b), shared))
       found_.insert(found_.end(), {t, other});
   };
   for (std::size_t cell = 0; cell + 1 < first_.size(); ++cell) {

@@ -17,7 +17,7 @@
 namespace isobrick {
 namespace {
 
-std::vector<double> numbersOf(const std::string& text) {
+std::vector<double> doublesOf(const std::string& text) {
   std::vector<double> numbers;
   std::istringstream words(text);
   for (std::string word; words >> word;) {
@@ -51,7 +51,7 @@ glm::dmat4 placeOf(const std::string& path, const XmlElement& registration) {
   glm::dmat4 place(1.0);
   for (const XmlElement& transform : registration.children) {
     if (transform.name != "ViewTransform") continue;
-    const std::vector<double> rows = numbersOf(transform.textOf({"affine"}));
+    const std::vector<double> rows = doublesOf(transform.textOf({"affine"}));
     if (rows.size() != 12)
       throw unusable(path, "a transform of its views is not twelve numbers; correct it");
     glm::dmat4 step(1.0);
@@ -76,7 +76,7 @@ BdvDataset readBdvXml(const std::string& path) {
   dataset.hdf5_path = hdf5PathOf(path, root);
   if (const auto* const setups = root.find({"SequenceDescription", "ViewSetups"}))
     for (const XmlElement& setup : setups->children) {
-      const std::vector<double> size = numbersOf(setup.textOf({"voxelSize", "size"}));
+      const std::vector<double> size = doublesOf(setup.textOf({"voxelSize", "size"}));
       if (setup.name != "ViewSetup" || size.size() != 3) continue;
       const std::int64_t id = integerOf(setup.textOf({"id"}));
       dataset.voxel_sizes[id] = {size[0], size[1], size[2]};

@@ -22,7 +22,7 @@ namespace {
 // Nearer than this share of their mean distance, slices are at the same position.
 constexpr double kSamePosition = 1e-4;
 // Of a voxel: how far a slice may be from where the grid has it, and how far if that is rounding.
-constexpr double kMostOff = 0.01, kMostRounding = 0.4;
+constexpr double kMostOffGrid = 0.01, kMostRounding = 0.4;
 // Positions of whole millimetres are exact, not rounded.
 constexpr double kCoarsestDecimal = 0.1;
 
@@ -127,7 +127,7 @@ SliceOffset greatestOffset(const std::vector<DicomPlace>& places, const GridGeom
           rounding * (std::abs(along.x) + std::abs(along.y) + std::abs(along.z));
       greatest.is_rounding =
           greatest.is_rounding &&
-          (voxels <= kMostOff || (off <= explained * (1 + 1e-6) && voxels <= kMostRounding));
+          (voxels <= kMostOffGrid || (off <= explained * (1 + 1e-6) && voxels <= kMostRounding));
       if (voxels > greatest.voxels) greatest = {voxels, off, k, axis, greatest.is_rounding};
     }
   }
@@ -175,7 +175,7 @@ bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& plac
   geometry.spacing.z = gap;
   geometry.direction[2] = normal;
   const SliceOffset off = greatestOffset(places, geometry, gap * normal);
-  if (off.voxels <= kMostOff) return true;
+  if (off.voxels <= kMostOffGrid) return true;
   if (off.is_rounding) {
     notes.push_back("slices are up to " + shortText(off.voxels) +
                     " of a voxel beside their even distances, as positions are rounded");
@@ -183,7 +183,7 @@ bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& plac
   }
   const double shift = glm::length(step - gap * normal);
   if (const SliceOffset tilted = greatestOffset(places, geometry, step);
-      tilted.voxels <= kMostOff || tilted.is_rounding)
+      tilted.voxels <= kMostOffGrid || tilted.is_rounding)
     throw unusable(words.path, "each slice is shifted by " + shortText(shift) +
                                    " mm against the one before (a tilted gantry, " +
                                    shortText(std::atan2(shift, gap) * 180 / std::numbers::pi) +
@@ -237,7 +237,7 @@ bool areSameForPixels(const std::vector<double>& a, const std::vector<double>& b
                       std::int64_t pixels, double unit) {
   constexpr double kDigits = 1e-6;  // that decimal strings keep
   const double most =
-      std::max(kMostOff / static_cast<double>(std::max<std::int64_t>(pixels, 1)), kDigits);
+      std::max(kMostOffGrid / static_cast<double>(std::max<std::int64_t>(pixels, 1)), kDigits);
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](double x, double y) {
     return std::abs(x - y) <= most * std::max(unit, std::abs(x));
   });
