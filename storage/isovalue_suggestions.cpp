@@ -512,7 +512,10 @@ IsovalueSuggestions suggestIsovalues(const Pyramid& pyramid) {
   const ValueTransform& values = pyramid.spec().values;
   if (values.isIdentity()) return found;
   for (IsovalueSuggestion& one : found.values) {
-    one.value = withoutRounding(values.real(one.value));
+    const double value = values.real(one.value), shorter = withoutRounding(value);
+    // Beside 2^63, fifteen digits are too few to tell values apart.
+    const bool is_same = std::abs(shorter - value) <= 1e-6 * std::abs(values.scale);
+    one.value = is_same ? shorter : value;
     one.gradient *= values.scale;
   }
   for (auto* const padding : {&found.padding_least, &found.padding_greatest})

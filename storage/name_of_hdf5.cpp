@@ -1,4 +1,4 @@
-#include "isobrick/storage/hdf5_name.h"
+#include "isobrick/storage/name_of_hdf5.h"
 
 #include "isobrick/storage/lowercase.h"
 
