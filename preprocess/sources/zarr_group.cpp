@@ -91,7 +91,7 @@ class ZarrVolumes {
   std::size_t groups_ = 0;
 };
 
-std::string listOf(const std::vector<std::string>& names) {
+std::string listOfChildren(const std::vector<std::string>& names) {
   constexpr std::size_t kMostListed = 20;
   std::string list;
   for (std::size_t i = 0; i < names.size() && i <= kMostListed; ++i)
@@ -132,11 +132,11 @@ std::string chooseZarrVolume(const std::string& folder, std::optional<std::int64
                    "folder of one");
   if (!number && names.size() > 1)
     throw unusable(folder, "it holds " + std::to_string(names.size()) +
-                               " images or arrays: " + listOf(names) + "; name one, as in '" +
-                               folder + "/" + names.front() + "'");
+                               " images or arrays: " + listOfChildren(names) +
+                               "; name one, as in '" + folder + "/" + names.front() + "'");
   if (number && static_cast<std::uint64_t>(*number) >= names.size())
     throw unusable(folder, "it has no image " + std::to_string(*number) + "; it has " +
-                               listOf(names) + ", counted from 0");
+                               listOfChildren(names) + ", counted from 0");
   return folder + "/" + names[static_cast<std::size_t>(number.value_or(0))];
 }
 
