@@ -460,12 +460,7 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
     maps.push_back(dicomValueMap(header, place.index));
     volume.slices.push_back({0, place.index, maps.back()});
   }
-  DicomVoxelType type = dicomVoxelType(maps);
-  if (options.dicom_float32 && type.type != VoxelType::kFloat32)
-    type = {VoxelType::kFloat32, "values became float32, as was asked"};
-  info.voxel_type = type.type;
-  if (!type.note.empty()) info.notes.push_back(std::move(type.note));
-  noteValueMaps(maps, info.notes);
+  takeDicomVoxelType(maps, options.dicom_float32, info);
   noteMonochrome1(header.value(dicom::kPhotometricInterpretation), info.notes);
   return volume;
 }

@@ -182,4 +182,13 @@ DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps) {
   return {VoxelType::kFloat32, note.str()};
 }
 
+void takeDicomVoxelType(const std::vector<DicomValueMap>& maps, bool as_float32, VolumeInfo& info) {
+  DicomVoxelType type = dicomVoxelType(maps);
+  if (as_float32 && type.type != VoxelType::kFloat32)
+    type = {VoxelType::kFloat32, "values became float32, as was asked"};
+  info.voxel_type = type.type;
+  if (!type.note.empty()) info.notes.push_back(std::move(type.note));
+  noteValueMaps(maps, info.notes);
+}
+
 }  // namespace isobrick

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -61,6 +62,9 @@ DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps);
 
 // Adds a note if slopes and intercepts change what is stored.
 void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::string>& notes);
+
+// Sets the type of the voxels of `info`, float32 if that is asked for, and notes what was mapped.
+void takeDicomVoxelType(const std::vector<DicomValueMap>& maps, bool as_float32, VolumeInfo& info);
 
 // Adds a note if small values are meant to be shown bright.
 void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes);

@@ -187,12 +187,7 @@ void takeVoxelType(const std::vector<SeriesFile>& files, const OpenOptions& opti
                    VolumeInfo& info) {
   std::vector<DicomValueMap> maps;
   for (const SeriesFile& file : files) maps.push_back(file.file.values);
-  DicomVoxelType type = dicomVoxelType(maps);
-  if (options.dicom_float32 && type.type != VoxelType::kFloat32)
-    type = {VoxelType::kFloat32, "values became float32, as was asked"};
-  info.voxel_type = type.type;
-  if (!type.note.empty()) info.notes.push_back(std::move(type.note));
-  noteValueMaps(maps, info.notes);
+  takeDicomVoxelType(maps, options.dicom_float32, info);
   if (files.front().has_idle_rescale)
     info.notes.push_back(
         "slope and intercept of the headers were not applied: images of this kind (MR) have none "
