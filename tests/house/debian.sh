@@ -61,7 +61,7 @@ if [ $deb = 1 ]; then
   cp "$root/home/newcomer/isobrick.deb" "$bare/tmp/"
   timed deb-install inRoot "$bare" root apt-get install -y -qq --no-install-recommends /tmp/isobrick.deb
   timed deb-use inRoot "$bare" root sh -c 'cd /tmp && isobrick --version &&
-    isobrick phantom head --size 64 -o head.nrrd && isobrick build head.nrrd && isobrick info head.isb &&
+    isobrick phantom head --voxels 64 -o head.nrrd && isobrick build head.nrrd && isobrick info head.isb &&
     isobrick verify head.isb && isobrick extract head.isb --iso 1324 -o bone.ply &&
     isobrick render head.isb --iso 1324 --size 64x64 -o bone.png && ls -l bone.ply bone.png'
   timed deb-remove inRoot "$bare" root sh -c 'apt-get remove -y -qq isobrick && ! command -v isobrick'
