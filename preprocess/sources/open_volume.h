@@ -129,4 +129,24 @@ std::unique_ptr<VolumeSource> makePyramidSource(std::shared_ptr<const Pyramid> p
                                                 std::uint64_t budget_bytes, int level,
                                                 const CancelFlag* cancel = nullptr);
 
+// A number that a pyramid stores of each of its nodes beside the samples (docs/FORMAT.md, sections
+// 6 to 8): of the tiles of a level, or of the cells of level 1.
+enum class NodeValue {
+  kLeast,       // of a tile's range
+  kGreatest,    // likewise
+  kCurvature0,  // coefficients of a cell's bound of the curvature, float32, in 1/voxel^2; infinite
+  kCurvature1,  // if no bound is known
+  kCurvature2,
+};
+
+// The nodes that reach into the box `voxels` of level 0 as the voxels of a volume: each is the
+// middle of its node; the last node of an axis may be thinner than the spacing says, and an axis
+// may have a single one. `level` exists, and is 0 for coefficients. exportVolume() writes it behind
+// the levels into a .vdb, exactly, as a grid of its own: "min", "max_level2", "curvature_c0". All
+// else as of makePyramidSource(). Throws Error with Remedy::kBuildWithCurvature.
+std::unique_ptr<VolumeSource> makeNodeSource(const std::shared_ptr<const Pyramid>& pyramid,
+                                             std::uint64_t budget_bytes, NodeValue value, int level,
+                                             const IndexBox& voxels,
+                                             const CancelFlag* cancel = nullptr);
+
 }  // namespace isobrick

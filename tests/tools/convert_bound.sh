@@ -101,7 +101,7 @@ for format in volume.vdb volume.ome.zarr volume.nrrd volume.h5; do
   rm -r "$format"
 done
 "$isobrick" build volume.mhd --memory "$memory" >/dev/null
-convert "level 1" volume.isb coarse.vdb --level 1
+convert "level 1" volume.isb coarse.vdb --level 1 --with-ranges --with-curvature
 [ -z "$group" ] || echo "peak of the group, page cache included: $(($(cat "$peak_file") >> 20)) MiB"
 echo "$stopped of $((8 * interruptions)) runs were interrupted and left nothing"
 [ "$interruptions" = 0 ] || [ "$stopped" -gt 0 ]

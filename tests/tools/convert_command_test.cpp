@@ -129,6 +129,9 @@ TEST_F(ConvertCommandTest, WrongWordsAreRefusedBeforeAnythingIsWritten) {
   usage({"head.isb", "-o", "a.nii", "--window", "0,9"}, "--type");
   usage({"head.isb", "-o", "a.nii", "--window", "9,0", "--type", "u8"}, "lower value");
   usage({"head.isb", "-o", "a.isb", "--levels", "all"}, "--levels is for .vdb and .ome.zarr");
+  usage({"head.isb", "-o", "a.nrrd", "--with-ranges"}, "--with-ranges is for .vdb");
+  usage({"head.nrrd", "-o", "a.vdb", "--with-curvature"}, "--with-curvature is for pyramids");
+  usage({"head.isb", "-o", "a.vdb", "--with-ranges", "--spacing", "1,1,2"}, "leave out");
   run({"convert", "head.isb", "-o", "scan.raw"});
   usage({"scan.raw", "-o", "a.nii"}, "--raw-dims");
   const auto failure = [&](Words words, const std::string& message) {

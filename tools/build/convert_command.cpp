@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -52,6 +53,7 @@ struct ConvertArguments {
   std::string type;
   BuildOptions build;   // of an .isb
   ExportOptions write;  // of all else
+  bool with_ranges = false, with_curvature = false;
   bool no_map = false;
   std::string cache_folder;
   std::uint64_t cache_bytes = 0;
@@ -105,9 +107,33 @@ std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
   return source;
 }
 
-VolumeLevels openLevels(const ConvertArguments& arguments) {
+struct Opened {
+  VolumeLevels levels, nodes;
+};
+
+// What the pyramid stores of the nodes of the levels from `first` to `last`.
+VolumeLevels openNodes(const ConvertArguments& arguments,
+                       const std::shared_ptr<const Pyramid>& pyramid, int first, int last) {
+  VolumeLevels nodes;
+  const IndexBox voxels = arguments.box ? boxOfLevel(*arguments.box, 0)
+                                        : IndexBox{Index3(0), pyramid->lattice().voxels()};
+  const auto add = [&](NodeValue value, int level) {
+    nodes.push_back(
+        makeNodeSource(pyramid, pyramid->budgetBytes(), value, level, voxels, &interruptFlag()));
+  };
+  for (int level = first; arguments.with_ranges && level <= last; ++level)
+    for (const NodeValue value : {NodeValue::kLeast, NodeValue::kGreatest}) add(value, level);
+  if (arguments.with_curvature)
+    for (const NodeValue value :
+         {NodeValue::kCurvature0, NodeValue::kCurvature1, NodeValue::kCurvature2})
+      add(value, 0);
+  return nodes;
+}
+
+Opened openLevels(const ConvertArguments& arguments) {
   const std::uint64_t memory_bytes = arguments.build.memory_bytes / 2;
-  VolumeLevels levels;
+  Opened opened;
+  VolumeLevels& levels = opened.levels;
   if (isPyramid(arguments.input.path)) {
     const OpenOptions options = openOptionsOf(arguments.input);
     refuseUnusablePath(arguments.input.path, options);
@@ -128,10 +154,12 @@ VolumeLevels openLevels(const ConvertArguments& arguments) {
                                   options, level),
                     arguments, level));
     }
+    opened.nodes =
+        openNodes(arguments, pyramid, first, first + static_cast<int>(levels.size()) - 1);
   } else {
     levels.push_back(withViews(openShowingProgress(arguments.input, memory_bytes), arguments, 0));
   }
-  return levels;
+  return opened;
 }
 
 struct Converted {
@@ -145,7 +173,7 @@ Converted convert(const ConvertArguments& arguments) {
   const Stopwatch watch;
   std::vector<std::string> inputs{arguments.input.path};
   refuseConvertOutput(arguments.output, inputs, arguments.force);
-  VolumeLevels levels = openLevels(arguments);
+  auto [levels, nodes] = openLevels(arguments);
   VolumeSource& source = *levels.front();
   refuseUnfitInputOptions(*arguments.input.parser, source.info());
   for (const std::string& file : source.files()) inputs.push_back(file);
@@ -155,6 +183,7 @@ Converted convert(const ConvertArguments& arguments) {
   Converted converted;
   converted.volume = source.info();
   converted.levels = levels.size();
+  std::move(nodes.begin(), nodes.end(), std::back_inserter(levels));
   if (isPyramid(arguments.output)) {
     converted.report.bytes =
         buildShowingProgress(source, input, arguments.output, arguments.build).file_bytes;
@@ -227,6 +256,11 @@ void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
   if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
   refuseUnfitOutputOptions(*arguments.input.parser, arguments.output);
+  if ((arguments.with_ranges || arguments.with_curvature) &&
+      (arguments.window || arguments.input.spacing || arguments.input.origin))
+    throw UsageError(
+        "--with-ranges and --with-curvature write what the pyramid stores, in its place; leave out "
+        "--window, --spacing and --origin");
   if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
     throw UsageError("--window needs the type that its values are spread over: --type u8");
   if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")
@@ -307,6 +341,12 @@ Command addConvertCommand(CLI::App& app) {
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
   addVdbOptions(*sub, arguments->write);
+  sub->add_flag("--with-ranges", arguments->with_ranges,
+                "Of a pyramid, beside each level in a .vdb the least and the greatest value of "
+                "every tile: grids min, max, min_level1, ...");
+  sub->add_flag("--with-curvature", arguments->with_curvature,
+                "Of a pyramid, in a .vdb the curvature bounds of all cells of level 1: grids "
+                "curvature_c0, curvature_c1 and curvature_c2");
   sub->add_flag(
       "--lossy", arguments->write.is_lossy,
       "Write values in a type that changes them by more than a thousandth of their range");

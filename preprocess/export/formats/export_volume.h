@@ -12,7 +12,8 @@
 namespace isobrick {
 
 // The levels to export, finest first: one, or as many as the pyramid has. Spacing doubles from
-// one to the next, the origin is the same.
+// one to the next, the origin is the same. For .vdb, sources of nodes (makeNodeSource()) may
+// follow.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
 // How a volume is written, with the choices that some formats have beside.

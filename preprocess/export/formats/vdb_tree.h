@@ -21,6 +21,7 @@ namespace isobrick {
 // The places of a volume's voxels in its grid, which of them are active, and how they are stored.
 struct VdbGridPlan {
   std::string name;
+  int level = 0;
   Index3 first{0};  // coordinate of voxel (0,0,0)
   float background = 0;
   float tolerance = 0;

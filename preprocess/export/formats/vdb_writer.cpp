@@ -48,6 +48,15 @@ std::optional<Index3> indexOf(const std::string& text) {
 
 VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOptions& options) {
   VdbGridPlan plan;
+  if (const std::string nodes = propertyOf(info, "nodes"); !nodes.empty()) {
+    // Bounds are neither rounded nor taken for the background.
+    const std::string of_level = propertyOf(info, "level");
+    plan.name = nodes + (of_level == "0" ? "" : "_level" + of_level);
+    plan.level = numberIn<int>(of_level).value_or(0);
+    plan.saves_half = voxelBytes(info.voxel_type) == 1;
+    return plan;
+  }
+  plan.level = static_cast<int>(level);
   plan.name = propertyOf(info, "name");
   if (plan.name.empty()) plan.name = "density";
   if (level > 0) plan.name += "_level" + std::to_string(level);
@@ -106,8 +115,8 @@ openvdb::math::Transform::Ptr transformOf(const GridGeometry& geometry, const In
   return openvdb::math::Transform::createLinearTransform(matrix);
 }
 
-void putMetadata(const VolumeInfo& info, const VdbGridPlan& plan, std::size_t level,
-                 const VdbUnit& unit, openvdb::GridBase& grid) {
+void putMetadata(const VolumeInfo& info, const VdbGridPlan& plan, const VdbUnit& unit,
+                 openvdb::GridBase& grid) {
   const auto put = [&](const char* key, const std::string& text) {
     grid.insertMeta(key, openvdb::StringMetadata(text));
   };
@@ -122,20 +131,20 @@ void putMetadata(const VolumeInfo& info, const VdbGridPlan& plan, std::size_t le
   put("isobrick:type", std::string(voxelTypeName(info.voxel_type)));
   if (const auto filter = info.properties.find("pyramid.filter"); filter != info.properties.end())
     put("isobrick:filter", filter->second);
-  grid.insertMeta("isobrick:level", openvdb::Int32Metadata(static_cast<int>(level)));
+  grid.insertMeta("isobrick:level", openvdb::Int32Metadata(plan.level));
   // All of the volume, its inactive rim too, so that it comes back with the same dimensions.
   grid.insertMeta("isobrick:first", vectorOf(plan.first));
   grid.insertMeta("isobrick:voxels", vectorOf(info.voxels));
 }
 
 openvdb::FloatGrid::Ptr gridWithoutVoxels(const VolumeInfo& info, const VdbGridPlan& plan,
-                                          std::size_t level, const VdbUnit& unit) {
+                                          const VdbUnit& unit) {
   auto grid = openvdb::FloatGrid::create(plan.background);
   grid->setName(plan.name);
   grid->setGridClass(plan.grid_class);
   grid->setSaveFloatAsHalf(plan.saves_half);
   grid->setTransform(transformOf(info.geometry, plan.first, unit));
-  putMetadata(info, plan, level, unit, *grid);
+  putMetadata(info, plan, unit, *grid);
   return grid;
 }
 
@@ -235,7 +244,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
       };
       // OpenVDB has loops of its own, also when a tree is destroyed.
       isolatedFor(0, 1, [&](int) {
-        const auto grid = gridWithoutVoxels(info, plan, i, unit);
+        const auto grid = gridWithoutVoxels(info, plan, unit);
         VdbPackedLeaves leaves(folderOf(path));
         makeVdbTree(
             *levels[i], plan, archive.compressionOf(*grid), path, options,

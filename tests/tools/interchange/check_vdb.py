@@ -102,3 +102,67 @@ def test_a_grid_larger_than_memory_is_read_slab_by_slab():
     whole, slabs = peak_of("whole.raw", "512M"), peak_of("slabs.raw", "40M")
     assert slabs < whole - (30 << 20) or "asan" in ISOBRICK, (whole, slabs)
     np.testing.assert_array_equal(np.fromfile("slabs.raw", "<f4"), np.fromfile("whole.raw", "<f4"))
+
+
+def closures(levels, level, tile=4):
+    """docs/FORMAT.md, section 6: of each tile the least and the greatest sample of all finer levels,
+    and of coarser ones up to that of which it is a cell."""
+    count = -(-(np.array(levels[level].shape) - 1) // tile)
+    found = np.empty((2, *count), levels[0].dtype)
+    for at in np.ndindex(*count):
+        corners = [(tile * i << level, tile * (i + 1) << level) for i in at]
+        inside = [
+            values[tuple(slice(low >> l, (high >> l) + 1) for low, high in corners)]
+            for l, values in enumerate(levels[: level + tile.bit_length()])
+        ]
+        found[(slice(None), *at)] = min(p.min() for p in inside), max(p.max() for p in inside)
+    return found
+
+
+def expect_nodes(name, expected, spacing, first):
+    grid = vdb.read("nodes.vdb", name)
+    found = np.full(expected.shape[::-1], np.nan, "f4")
+    grid.copyToArray(found)
+    np.testing.assert_array_equal(found.T, expected)
+    assert tuple(grid.metadata["isobrick:voxels"]) == expected.shape[::-1]
+    for corner in ((0, 0, 0), (1, 2, 3)):
+        np.testing.assert_allclose(grid.transform.indexToWorld(corner), first + spacing * corner)
+
+
+def test_ranges_of_tiles_are_grids():
+    for kind in ("u8", "i16", "f32"):
+        levels = pyramid_levels(voxels(kind))
+        run("convert", "levels.isb", "-o", "nodes.vdb", "--levels", "all", "--with-ranges", "--with-curvature",
+            "--vdb-background", "7", "--vdb-tolerance", "5", "--force")
+        names = [grid.name for grid in vdb.readAllGridMetadata("nodes.vdb")]
+        assert len(set(names)) == len(names) == 3 * len(levels) + 3, names
+        for level in range(len(levels)):
+            step = 4 * 2**level * SPACING
+            for name, expected in zip(("min", "max"), closures(levels, level)):
+                expect_nodes(name + (f"_level{level}" if level else ""), expected, step, ORIGIN + step / 2)
+    run("convert", "levels.isb", "-o", "nodes.vdb", "--level", "1", "--box", "9,8,0,40,48,12", "--with-ranges", "--force")
+    least, _ = closures(levels, 1)
+    expect_nodes("min_level1", least[0:2, 1:6, 1:5], 8 * SPACING, ORIGIN + 8 * SPACING * [1.5, 1.5, 0.5])
+    # Ours, read by us.
+    found, about = raw_of("nodes.vdb", "--select", "grid=min_level1")
+    np.testing.assert_array_equal(found, least[0:2, 1:6, 1:5])
+
+
+def test_curvature_of_cells_is_a_grid_for_each_coefficient():
+    # Trilinear as cells are: cylinders over hyperbolas, x y = c, with one curvature that is not 0.
+    z, y, x = np.meshgrid(*(np.arange(n, dtype=float) for n in (40, 43, 46)), indexing="ij")
+    write_nrrd("saddle.nrrd", ((x + 9) * (y + 5)).astype("<f4"))
+    run("build", "saddle.nrrd", "-o", "saddle.isb")
+    run("convert", "saddle.isb", "-o", "nodes.vdb", "--with-curvature", "--force")
+    bound = np.zeros((23, 21, 20))
+    for name in ("curvature_c0", "curvature_c1", "curvature_c2"):
+        grid = vdb.read("nodes.vdb", name)
+        coefficient = np.empty(bound.shape, "f4")
+        grid.copyToArray(coefficient)
+        bound = np.maximum(bound, coefficient)
+        np.testing.assert_allclose(grid.transform.indexToWorld((3, 2, 1)), ORIGIN + SPACING * [7, 5, 3])
+    total = ((x + 9) * (y + 5)) ** 2 / ((x + 9) ** 2 + (y + 5) ** 2) ** 3
+    ratio = bound[:22, :20, :19] / total[1:39:2, 1:41:2, 1:45:2].T
+    assert ratio.min() > 0.9999 and np.median(ratio) < 3, (ratio.min(), np.median(ratio))
+    run("build", "saddle.nrrd", "-o", "flat.isb", "--no-curvature")
+    run("convert", "flat.isb", "-o", "x.vdb", "--with-curvature", fails_with="holds no curvature")
