@@ -99,7 +99,8 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
     s.tile_ranges.clear();
     for (std::size_t i = 0; i < s.tiles.size(); ++i) s.tile_ranges.push_back(s.tiles.range(i));
     std::vector<std::uint8_t> codes;
-    brickCurvature<T>(layout, brick, samples, s.tile_ranges, spec_.curvature_epsilon, codes);
+    brickCurvature<T>(layout, brick, samples, top > 0 ? blockAbove(1) : SampleBlock<T>(),
+                      s.tile_ranges, spec_.curvature_epsilon, codes);
     const auto bytes = std::as_bytes(std::span(codes));
     encoded.curvature.bytes.assign(bytes.begin(), bytes.end());
   }

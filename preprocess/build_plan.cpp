@@ -4,6 +4,7 @@
 #include <string>
 
 #include "isobrick/preprocess/slice_spool.h"
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/write_journal.h"
 
@@ -80,7 +81,9 @@ class Planner {
     const Index3 cells = glm::min(Index3(spec_.brick_cells), layout_.lattice().cells(level));
     std::uint64_t bytes = product(samples) * voxel_ +
                           product(BrickLayout::ceilDivide(cells, spec_.tile_cells)) * 2 * voxel_;
-    if (level == 0 && spec_.has_curvature) bytes += product(BrickLayout::ceilDivide(cells, 2)) * 3;
+    if (level == 0 && spec_.has_curvature)
+      bytes += product(BrickLayout::ceilDivide(cells, layout_.curvatureCells())) *
+               kDeviationCoefficients;
     return bytes;
   }
   std::uint64_t pipelineBytes(int level, const BuildPlan::WindowShape& shape) const {

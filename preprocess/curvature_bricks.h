@@ -1,4 +1,5 @@
-// The curvature part of a brick: coded bounds for its cells of level 1.
+// The curvature part of a brick: how far level 1 lies from level 0 in its blocks (Sect. 5.2; rule
+// 4).
 #pragma once
 
 #include <cstdint>
@@ -10,14 +11,16 @@
 
 namespace isobrick {
 
-// Three CurvatureCode coefficients for every node of a brick of level 0 (x fastest), each a bound
-// over the range of the tile that holds the node. `samples` cover at least the corners of the
-// brick's cells (layout.brickCellBox), `tiles` are the ranges of the brick's own tiles
-// (layout.brickTiles, x fastest) and hold their samples; epsilon is at least
-// kLeastCurvatureEpsilon. `codes` is resized; its contents do not matter. Thread-safe.
+// kDeviationCoefficients codes (DeviationCode) for every block of a brick of level 0, x fastest.
+// `samples` cover at least the corners of the brick's cells (layout.brickCellBox), `coarse` those
+// of the cells of level 1 around them, and `tiles` are the ranges of the brick's own tiles
+// (layout.brickTiles, x fastest) and hold all of these. Without `coarse`, as in a volume of one
+// level, the codes are 0. Samples where the gradient of level 1 is
+// below `epsilon` times the block's range per voxel do not count. `codes` is resized; its contents
+// do not matter. Thread-safe.
 template <typename T>
 void brickCurvature(const BrickLayout& layout, const Index3& brick, const SampleBlock<T>& samples,
-                    std::span<const ValueRange> tiles, double epsilon,
+                    const SampleBlock<T>& coarse, std::span<const ValueRange> tiles, double epsilon,
                     std::vector<std::uint8_t>& codes);
 
 }  // namespace isobrick

@@ -9,7 +9,6 @@
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/hand_over.h"
 #include "isobrick/preprocess/input_identity.h"
-#include "isobrick/preprocess/kernels/curvature_fit.h"
 #include "isobrick/preprocess/level_maker.h"
 #include "isobrick/preprocess/preview_maker.h"
 #include "isobrick/preprocess/pyramid_file_builder.h"
@@ -211,9 +210,9 @@ void checkOptions(const BuildOptions& options) {
       !isPowerOfTwo(options.tile_cells) || options.tile_cells < 2 ||
       options.tile_cells > options.brick_cells)
     throw Error("a brick has 4 to 256 cells an axis and a tile 2 up to the brick's, powers of two");
-  if (options.with_curvature && !(options.curvature_epsilon >= kLeastCurvatureEpsilon &&
-                                  std::isfinite(options.curvature_epsilon)))
-    throw Error("the least gradient that counts for the curvature must be finite, 1/65536 or more");
+  if (options.with_curvature &&
+      !(options.curvature_epsilon >= 0 && std::isfinite(options.curvature_epsilon)))
+    throw Error("the least gradient that counts for the curvature must be finite, 0 or more");
 }
 
 }  // namespace

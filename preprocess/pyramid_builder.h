@@ -54,7 +54,7 @@ struct BuildOptions {
   // kStored (no compression), kLz4 or kZstd.
   format::Codec codec = format::Codec::kLz4;
   bool with_curvature = true;  // stores bounds, so that queries may have a curvature_tolerance
-  // See PyramidSpec::curvature_epsilon; at least 2^-16.
+  // See PyramidSpec::curvature_epsilon; at least 0.
   double curvature_epsilon = 1.0 / 64;
   // Value that takes the place of NaN and infinite voxels; without it they are refused.
   std::optional<float> nan_as;

@@ -23,7 +23,7 @@ struct EncodedPart {
 struct EncodedBrick {
   EncodedPart samples;    // layout.brickSampleBox() voxels, x fastest
   EncodedPart ranges;     // a (min, max) pair of voxels for every tile, x fastest
-  EncodedPart curvature;  // three codes (CurvatureCode) for every node; empty: the brick has none
+  EncodedPart curvature;  // codes (DeviationCode) of every block; empty: the brick has none
   float constant = 0;     // the value of all samples, if they are equal
   // The memory that encodeBrick() packs into: as many bytes as its largest part has elements'
   // bytes.

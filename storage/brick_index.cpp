@@ -272,9 +272,10 @@ BrickRow BrickIndex::decode(const std::byte* bytes) const {
   BrickRow row;
   row.parts.fill({0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
   for (std::size_t i = 0; i < kinds_.size(); ++i)
-    if (kinds_[i] < row.parts.size())
-      std::memcpy(&row.parts[kinds_[i]], bytes + i * sizeof(format::PartEntry),
-                  sizeof(format::PartEntry));
+    for (const PartKind kind : kPartKinds)
+      if (kinds_[i] == kindNumber(kind))
+        std::memcpy(&row.part(kind), bytes + i * sizeof(format::PartEntry),
+                    sizeof(format::PartEntry));
   format::RowTail tail;
   std::memcpy(&tail, bytes + kinds_.size() * sizeof(format::PartEntry), sizeof tail);
   row.range_min = tail.range_min;

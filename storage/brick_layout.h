@@ -1,6 +1,7 @@
-// How the levels of a pyramid are cut into bricks, and bricks into tiles and curvature nodes.
+// How the levels of a pyramid are cut into bricks, and bricks into tiles and blocks.
 #pragma once
 
+#include <algorithm>
 #include <string>
 
 #include "isobrick/storage/grid.h"
@@ -24,8 +25,7 @@ struct IndexBox {
 // A brick of level l covers brick_cells^3 cells of that level (fewer at the far border) and stores
 // every sample that meshing those cells needs: their corners and one more sample on each side for
 // central differences, as far as the volume reaches. A tile is tile_cells^3 cells of a brick: the
-// smallest block that has a value range. A curvature node is a cell of level 1, stored with the
-// level-0 brick that holds its 2x2x2 cells.
+// smallest block that has a value range. Tiles of level 0 form blocks that have a curvature bound.
 class BrickLayout {
  public:
   BrickLayout() = default;
@@ -67,9 +67,17 @@ class BrickLayout {
   Index3 brickTiles(int level, const Index3& brick) const {
     return ceilDivide(brickCellBox(level, brick).count, tile_cells_);
   }
-  // Curvature nodes (cells of level 1) per axis inside a brick of level 0.
-  Index3 brickNodes(const Index3& brick) const {
-    return ceilDivide(brickCellBox(0, brick).count, 2);
+  // Cells along an edge of a block that has a curvature bound: whole tiles, 16 cells if the brick
+  // has them. Blocks of 8 fit more surfaces, but leaves of level 1 in small groups cost more in
+  // fans than they save; small volumes have small shapes.
+  std::int64_t curvatureCells() const {
+    const Index3 voxels = lattice_.voxels();
+    const std::int64_t wanted = std::max({voxels.x, voxels.y, voxels.z}) <= 128 ? 8 : 16;
+    return std::max(tile_cells_, std::min(wanted, brick_cells_));
+  }
+  // Blocks per axis inside a brick of level 0 that have a curvature bound.
+  Index3 brickCurvatureBlocks(const Index3& brick) const {
+    return ceilDivide(brickCellBox(0, brick).count, curvatureCells());
   }
 
   // a / b per axis, rounded up.

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/deviation_code.h"
 
 namespace isobrick {
 
@@ -16,7 +17,8 @@ std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, Part
       return static_cast<std::uint64_t>(elementCount(layout.brickTiles(level, brick))) * 2 *
              voxelBytes(spec.voxel_type);
     case PartKind::kCurvature:
-      return static_cast<std::uint64_t>(elementCount(layout.brickNodes(brick))) * 3;
+      return static_cast<std::uint64_t>(elementCount(layout.brickCurvatureBlocks(brick))) *
+             kDeviationCoefficients;
   }
   return 0;
 }

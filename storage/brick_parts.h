@@ -9,14 +9,19 @@
 
 namespace isobrick {
 
-// The numbers are those of the file's header.
-enum class PartKind { kSamples = 0, kRanges = 1, kCurvature = 2 };
+enum class PartKind { kSamples, kRanges, kCurvature };
 inline constexpr std::array kPartKinds = {PartKind::kSamples, PartKind::kRanges,
                                           PartKind::kCurvature};
 // "samples", "ranges" or "curvature".
 constexpr const char* partName(PartKind kind) {
   constexpr const char* kNames[] = {"samples", "ranges", "curvature"};
   return kNames[static_cast<std::size_t>(kind)];
+}
+
+// The kind's number in the file's header; those of others are passed over.
+constexpr std::uint32_t kindNumber(PartKind kind) {
+  constexpr std::uint32_t kNumbers[] = {0, 1, 4};
+  return kNumbers[static_cast<std::size_t>(kind)];
 }
 
 // A row of the brick table, with an entry for every kind that this program reads; parts that the

@@ -37,7 +37,8 @@ inline constexpr std::uint32_t kFurtherCodec = 5;
 inline constexpr std::uint64_t kSampleAlignment = 4096;
 // A header lists at most so many kinds of parts.
 inline constexpr std::uint32_t kMostKinds = 8;
-// The kind of the error bounds that development builds of 0.2 wrote. Readers pass over them.
+// The kind of the error bounds that development builds of 0.2 wrote. Readers pass over them, as
+// over 2, bounds of the curvature of single cells.
 inline constexpr std::uint32_t kErrorKind = 3;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;

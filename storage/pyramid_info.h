@@ -48,8 +48,8 @@ struct PyramidSpec {
   std::int64_t brick_cells = 64;  // power of two, 4 .. 256
   std::int64_t tile_cells = 4;    // power of two, 2 .. brick_cells
   bool has_curvature = true;      // whether there are bounds of the curvature
-  // Samples with |gradient| < curvature_epsilon * (range of their tile) per voxel do not count for
-  // the curvature bound: the isosurface has no curvature if the gradient vanishes.
+  // Samples with |gradient| < curvature_epsilon * (range of their block) per voxel do not count for
+  // the curvature bound: an isosurface is nowhere in particular if the gradient vanishes.
   double curvature_epsilon = 1.0 / 64;
 
   // How levels are cut into bricks.

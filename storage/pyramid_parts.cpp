@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "isobrick/storage/deviation_code.h"
+
 namespace isobrick {
 
 PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes)
@@ -183,7 +185,8 @@ void PyramidParts::curvature(const Index3& brick, std::vector<std::uint8_t>& out
                              const CancelFlag* cancel) const {
   out.clear();
   if (!spec().has_curvature) return;
-  const auto count = static_cast<std::size_t>(3 * elementCount(layout().brickNodes(brick)));
+  const auto count = static_cast<std::size_t>(kDeviationCoefficients *
+                                              elementCount(layout().brickCurvatureBlocks(brick)));
   if (storedBytes(kCurvature, 0, brick) == 0) {
     out.assign(count, 0);
     return;

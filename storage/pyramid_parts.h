@@ -85,9 +85,9 @@ class PyramidParts {
   // For each of these tiles 1 if its range crosses the isovalue (ValueRange::crosses), else 0.
   void crossedTiles(int level, const Index3& brick, float isovalue, std::vector<std::uint8_t>& out,
                     const CancelFlag* cancel = nullptr) const;
-  // Three coefficients (CurvatureCode) for each of layout().brickNodes(brick) cells of level 1 in a
-  // brick of level 0, x fastest; over the range of the level-0 tile that holds the node's first
-  // cell. Empty if the pyramid has none. `out` is resized.
+  // kDeviationCoefficients codes (DeviationCode) for each of layout().brickCurvatureBlocks(brick)
+  // of a brick of level 0, x fastest; over the range of the block's tiles. Empty if the pyramid has
+  // none. `out` is resized.
   void curvature(const Index3& brick, std::vector<std::uint8_t>& out,
                  const CancelFlag* cancel = nullptr) const;
 

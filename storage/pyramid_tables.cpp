@@ -28,8 +28,8 @@ bool areKindsSane(const format::Header& header) {
   if (header.kind_count < 2 || header.kind_count > format::kMostKinds) return false;
   for (std::uint32_t i = 1; i < header.kind_count; ++i)
     if (header.kinds[i] <= header.kinds[i - 1]) return false;
-  return header.kinds[0] == static_cast<std::uint32_t>(PartKind::kSamples) &&
-         header.kinds[1] == static_cast<std::uint32_t>(PartKind::kRanges);
+  return header.kinds[0] == kindNumber(PartKind::kSamples) &&
+         header.kinds[1] == kindNumber(PartKind::kRanges);
 }
 
 // True if a voxel of the type may have the value.
@@ -55,7 +55,7 @@ bool areValuesSane(const format::Header& header) {
 
 bool hasKind(const format::Header& header, PartKind kind) {
   const auto* const end = header.kinds + header.kind_count;
-  return std::find(header.kinds, end, static_cast<std::uint32_t>(kind)) != end;
+  return std::find(header.kinds, end, kindNumber(kind)) != end;
 }
 
 // A table of hostile length, in pieces as they were announced.

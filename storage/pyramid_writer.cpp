@@ -356,7 +356,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   }
   format::Header header = formatHeaderOf(spec_);
   for (const PartKind kind : kinds())
-    header.kinds[header.kind_count++] = static_cast<std::uint32_t>(kind);
+    header.kinds[header.kind_count++] = kindNumber(kind);
   header.value_min = static_cast<double>(summary.voxel_range.min);
   header.value_max = static_cast<double>(summary.voxel_range.max);
   header.noise = summary.noise;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/pyramid_verify.h"
@@ -56,7 +57,7 @@ class BrickVerifier {
       if (!covers(ranges[tile], seen[tile])) return "a sample lies outside its tile's range";
     }
     pyramid_.throwIfReadsFailed(level, brick);
-    if (hasStrayCodes(brick, ranges, codes)) return "a tile without contrast has a curvature";
+    if (hasStrayCodes(brick, ranges, codes)) return "a block without contrast has a curvature";
     return "";
   }
 
@@ -258,14 +259,14 @@ class BrickVerifier {
         row.parts[0].codec == static_cast<std::uint32_t>(format::Codec::kConstant);
     return stray || (!is_constant && std::bit_cast<std::uint32_t>(row.tail.constant) != 0);
   }
+  // A block of one value has no surface.
   bool hasStrayCodes(const Index3& brick, const std::vector<ValueRange>& ranges,
                      const std::vector<std::uint8_t>& codes) const {
-    const Index3 nodes = layout_.brickNodes(brick);
-    const Index3 tiles = layout_.brickTiles(0, brick);
-    for (std::size_t node = 0; 3 * node < codes.size(); ++node) {
-      if (codes[3 * node] == 0 && codes[3 * node + 1] == 0 && codes[3 * node + 2] == 0) continue;
-      const Index3 tile = 2L * indexAt(node, nodes) / layout_.tileCells();
-      const ValueRange& range = ranges[static_cast<std::size_t>(linearIndex(tile, tiles))];
+    const Index3 blocks = layout_.brickCurvatureBlocks(brick);
+    for (std::size_t i = 0; i < codes.size(); ++i) {
+      if (codes[i] == 0) continue;
+      const Index3 block = indexAt(i / kDeviationCoefficients, blocks);
+      const ValueRange range = curvatureBlockRange(layout_, brick, ranges, block);
       if (range.min == range.max) return true;
     }
     return false;

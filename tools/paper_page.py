@@ -106,18 +106,12 @@ def figure7():
     rows = []
     for name, title in CELLS:
         cell = result(f"figure7-{name}")[0]
-        ratios = {"own": [], "stored": []}
-        for kind, bounds in (("own", cell["own_range"]), ("stored", cell["tile_range"])):
-            for value, curvature in cell["samples"]:
-                bound = bernstein(cell[kind], (value - bounds[0]) / (bounds[1] - bounds[0]))
-                if curvature > 1e-9:
-                    ratios[kind].append(bound / curvature)
+        low, high = cell["own_range"]
+        ratios = [bernstein(cell["own"], (value - low) / (high - low)) / curvature
+                  for value, curvature in cell["samples"] if curvature > 1e-9]
         total = len(cell["samples"]) + len(cell["left_out"])
-        above = sum(ratio < 0.999 for ratio in ratios["stored"])
-        rows.append([title, percent(len(cell["left_out"]), total, 1), two_digits(median(ratios["own"])),
-                     two_digits(median(ratios["stored"])), percent(above, len(ratios["stored"]), 1)])
-    return table(["node", "samples left out", "bound ÷ curvature, median: own range", "stored", "samples above stored"],
-                 rows)
+        rows.append([title, percent(len(cell["left_out"]), total, 1), two_digits(median(ratios))])
+    return table(["node", "samples left out", "bound ÷ curvature, median"], rows)
 
 
 def two_digits(number):
@@ -129,7 +123,7 @@ def median(values):
 
 
 def plot_figure7():
-    """Four nodes: samples (v, k), those left out in grey, and the two polynomials."""
+    """Four nodes: samples (v, k), those left out in grey, and the polynomial."""
     width, height, margin = 380, 260, 60
     parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * width} {2 * height + 24}" '
              'font-family="sans-serif" font-size="12">',
@@ -139,20 +133,13 @@ def plot_figure7():
         x0, y0 = number % 2 * width + margin, number // 2 * height + 24
         w, h = width - margin - 14, height - 24 - 34
         low, high = cell["own_range"]
-        def polynomial(kind, bounds):
-            values = [low + (high - low) * i / 60 for i in range(61)]
-            return [bernstein(cell[kind], (value - bounds[0]) / (bounds[1] - bounds[0])) for value in values]
-
-        greatest = max(curvature for _, curvature in cell["samples"])
-        top = 1.05 * max(greatest, max(polynomial("own", cell["own_range"])),
-                         min(3 * greatest, max(polynomial("stored", cell["tile_range"]))))
+        polynomial = [bernstein(cell["own"], i / 60) for i in range(61)]
+        top = 1.05 * max(max(curvature for _, curvature in cell["samples"]), max(polynomial))
 
         def place(value, curvature):
             return f"{x0 + w * (value - low) / (high - low):.1f} {y0 + h * (1 - min(curvature / top, 1)):.1f}"
 
-        def curve(kind, bounds):
-            return "M" + "L".join(place(low + (high - low) * i / 60, k)
-                                  for i, k in enumerate(polynomial(kind, bounds)))
+        curve = "M" + "L".join(place(low + (high - low) * i / 60, k) for i, k in enumerate(polynomial))
 
         def dots(samples):
             return "".join(f"M{place(*sample)}h0" for sample in samples)
@@ -162,9 +149,7 @@ def plot_figure7():
             f'<rect x="{x0}" y="{y0}" width="{w}" height="{h}" fill="none" stroke="#888"/>',
             f'<path d="{dots(cell["left_out"])}" stroke="#bbb" {dot}/>',
             f'<path d="{dots(cell["samples"])}" stroke="#1f5fa8" {dot}/>',
-            f'<path d="{curve("own", cell["own_range"])}" stroke="#c0392b" stroke-width="1.6" fill="none"/>',
-            f'<path d="{curve("stored", cell["tile_range"])}" stroke="#d58a00" stroke-width="1.6" '
-            'stroke-dasharray="6 4" fill="none"/>',
+            f'<path d="{curve}" stroke="#c0392b" stroke-width="1.6" fill="none"/>',
             f'<text x="{x0}" y="{y0 - 7}">{title}</text>',
             f'<text x="{x0 - 4}" y="{y0 + 10}" text-anchor="end">{top:.2g}</text>',
             f'<text x="{x0 - 4}" y="{y0 + h}" text-anchor="end">0</text>',
@@ -177,8 +162,7 @@ def plot_figure7():
               f'<path d="M120 {y}h0" stroke="#bbb" {dot}/><text x="128" y="{y + 4}">left out: gradient &lt; ε</text>',
               f'<path d="M280 {y}h24" stroke="#c0392b" stroke-width="1.6"/><text x="310" y="{y + 4}">'
               'p over the node’s own range</text>',
-              f'<path d="M502 {y}h24" stroke="#d58a00" stroke-width="1.6" stroke-dasharray="6 4"/>'
-              f'<text x="530" y="{y + 4}">p as stored, over the tile’s range</text>', "</svg>"]
+              "</svg>"]
     replace(f"{folder}/pictures/paper-figure7.svg", "\n".join(parts) + "\n")
 
 

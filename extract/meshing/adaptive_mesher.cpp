@@ -28,7 +28,7 @@ class AdaptiveMesher::Brick {
         split_(memory.split_),
         corners_(memory.corners_),
         leaves_(memory.split_.leaves()),
-        classifier_(context),
+        classifier_(context, BrickReads::kAllowed),
         family_(context, leaves_, level_, work.brick),
         vertices_(context, family_, memory.edges_, batch) {}
 

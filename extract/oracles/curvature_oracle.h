@@ -3,55 +3,50 @@
 
 #include <cstdint>
 #include <limits>
-#include <unordered_map>
-#include <vector>
 
 #include "isobrick/extract/oracles/cell_distance.h"
 #include "isobrick/extract/oracles/coverage.h"
+#include "isobrick/extract/oracles/flat_blocks.h"
 #include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 
-// Refines every cell but those of level 1 whose centre lies within the sphere of interest and whose
-// curvature bound is within the choice's tolerance; without a tolerance every cell.
-//
-// Keeps the curvature of the bricks that it read, so one object serves one thread for one brick.
+// Whether an oracle may read parts of bricks, when a brick is meshed, or may not, in a plan.
+enum class BrickReads { kNone, kAllowed };
+
+// Refines every cell but those of level 1 whose centre lies within the sphere of interest, in a
+// block of which level 1 is as near to level 0 as the choice's tolerance wants it; without a
+// tolerance every cell. One object serves one thread.
 class CurvatureOracle {
  public:
-  CurvatureOracle(const MeshContext& context, const DetailChoice& choice);
+  // `flat` is null without a tolerance.
+  CurvatureOracle(const MeshContext& context, const DetailChoice& choice, FlatBlocks* flat,
+                  BrickReads reads);
 
-  bool refines(int level, const Index3& cell) {
-    return level != 1 || !is_on_ || squaredDistance(center_, 1, cell) > radius_squared_ ||
-           !isFlat(cell);
+  bool refines(int level, const Index3& cell) const {
+    return level != 1 || flat_ == nullptr || squaredDistance(center_, 1, cell) > radius_squared_ ||
+           !isFlat(cell >> cells_shift_);
   }
   // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
-  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
-  Coverage refinedCoverage(int level, const IndexBox& cells) const {
-    if (level != 1 || !is_on_) return Coverage::kAll;
-    return squaredDistanceBounds(center_, 1, cells).least <= radius_squared_ ? Coverage::kSome
-                                                                             : Coverage::kAll;
-  }
+  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
+  // Without reads it is certain of boxes outside the sphere alone.
+  Coverage refinedCoverage(int level, const IndexBox& cells) const;
 
  private:
-  struct BrickCurvature {
-    std::vector<std::uint8_t> coefficients;
-    std::vector<ValueRange> tile_ranges;
-  };
-
-  // True if the curvature bound of the cell of level 1 is within the tolerance. If the isovalue is
-  // outside the tile's range, the bound at the range's end decides: cells beside a flat piece of
-  // the surface are coarse with it, and no transition is needed between them.
-  bool isFlat(const Index3& cell);
-  const BrickCurvature& curvatureOf(const Index3& brick);
+  // Of a block among all of the volume. If the isovalue is outside its range, the bound at the
+  // range's end decides: cells beside a flat piece of the surface are coarse with it, and no
+  // transition is needed between them.
+  bool isFlat(const Index3& block) const;
+  const FlatRows& rowsOf(const Index3& brick) const;
 
   const MeshContext* context_;
-  bool is_on_;
-  double tolerance_;
+  FlatBlocks* flat_;
+  bool may_read_;
   glm::dvec3 center_{0.0};
   double radius_squared_ = std::numeric_limits<double>::infinity();
-  std::unordered_map<std::size_t, BrickCurvature> bricks_;  // by row of the brick table
-  std::size_t last_row_ = 0;                                // used last, if any was
-  const BrickCurvature* last_ = nullptr;
+  std::int64_t cells_shift_, blocks_shift_;  // cells of level 1 of a block, blocks of a brick
+  mutable Index3 last_brick_{-1};            // used last
+  mutable const FlatRows* last_ = nullptr;
 };
 
 }  // namespace isobrick

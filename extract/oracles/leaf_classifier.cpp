@@ -34,11 +34,12 @@ Coverage LeafClassifier::Choice::refinedCoverage(int level, const IndexBox& box)
   return coverage;
 }
 
-LeafClassifier::LeafClassifier(const MeshContext& context)
+LeafClassifier::LeafClassifier(const MeshContext& context, BrickReads reads)
     : lattice_(context.lattice()), residency_(context.residency) {
   choices_.reserve(context.oracles.size());
   for (const ChoiceOracles& shared : context.oracles)
-    choices_.push_back({shared, CurvatureOracle(context, *shared.choice)});
+    choices_.push_back(
+        {shared, CurvatureOracle(context, *shared.choice, shared.flat.get(), reads)});
   has_runs_ = residency_ == nullptr && choices_.size() == 1 && !choices_[0].shared.view &&
               !choices_[0].shared.choice->curvature_tolerance;
 }

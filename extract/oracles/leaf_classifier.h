@@ -18,7 +18,8 @@ enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFi
 // object serves one thread for one brick.
 class LeafClassifier {
  public:
-  explicit LeafClassifier(const MeshContext& context);
+  // Without reads it is less certain of boxes of cells.
+  explicit LeafClassifier(const MeshContext& context, BrickReads reads = BrickReads::kNone);
 
   // The cell's state; it may lie beyond the volume.
   CellState state(int level, const Index3& cell);

@@ -1,12 +1,15 @@
 // The oracles of a query that all its threads share.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
+#include "isobrick/extract/oracles/flat_blocks.h"
 #include "isobrick/extract/oracles/focus_oracle.h"
 #include "isobrick/extract/oracles/view_oracle.h"
 #include "isobrick/extract/query.h"
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
@@ -16,6 +19,7 @@ struct ChoiceOracles {
   const DetailChoice* choice;
   FocusOracle focus;
   std::optional<ViewOracle> view;
+  std::unique_ptr<FlatBlocks> flat;  // with a tolerance of curvature
 };
 
 // For the query's own choice, then of the further ones. Made once a query, which has to outlive it
@@ -24,8 +28,11 @@ inline std::vector<ChoiceOracles> oraclesOf(const Pyramid& pyramid, const Query&
   const Lattice& lattice = pyramid.lattice();
   std::vector<ChoiceOracles> oracles;
   const auto add = [&](const DetailChoice& choice) {
-    oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt});
+    oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt, nullptr});
     if (choice.view) oracles.back().view.emplace(lattice, pyramid.spec().geometry, *choice.view);
+    if (choice.curvature_tolerance)
+      oracles.back().flat =
+          std::make_unique<FlatBlocks>(deviationOfSphere(*choice.curvature_tolerance));
   };
   add(query);
   for (const DetailChoice& choice : query.or_finer) add(choice);

@@ -130,19 +130,18 @@ std::unique_ptr<VolumeSource> makePyramidSource(std::shared_ptr<const Pyramid> p
                                                 const CancelFlag* cancel = nullptr);
 
 // A number that a pyramid stores of each of its nodes beside the samples (docs/FORMAT.md, sections
-// 6 to 8): of the tiles of a level, or of the cells of level 1.
+// 6 to 8): of the tiles of a level, or of the blocks of level 0.
 enum class NodeValue {
-  kLeast,       // of a tile's range
-  kGreatest,    // likewise
-  kCurvature0,  // coefficients of a cell's bound of the curvature, float32, in 1/voxel^2; infinite
-  kCurvature1,  // if no bound is known
-  kCurvature2,
+  kLeast,      // of a tile's range
+  kGreatest,   // likewise
+  kCurvature,  // the first of kDeviationCoefficients of a block's curvature bound, float32, in
+               // voxels; infinite if no bound is known. The others follow
 };
 
 // The nodes that reach into the box `voxels` of level 0 as the voxels of a volume: each is the
 // middle of its node; the last node of an axis may be thinner than the spacing says, and an axis
 // may have a single one. `level` exists, and is 0 for coefficients. exportVolume() writes it behind
-// the levels into a .vdb, exactly, as a grid of its own: "min", "max_level2", "curvature_c0". All
+// the levels into a .vdb, exactly, as a grid of its own: "min", "max_level2", "curvature_0". All
 // else as of makePyramidSource(). Throws Error with Remedy::kBuildWithCurvature.
 std::unique_ptr<VolumeSource> makeNodeSource(const std::shared_ptr<const Pyramid>& pyramid,
                                              std::uint64_t budget_bytes, NodeValue value, int level,

@@ -3,7 +3,7 @@
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/storage/curvature_code.h"
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -148,16 +148,20 @@ class NodeSource final : public BrickSource {
       info_.voxel_type = VoxelType::kFloat32;
       info_.values = {};
     }
-    static constexpr const char* kNames[] = {"min", "max", "curvature_c0", "curvature_c1",
-                                             "curvature_c2"};
-    info_.properties["vdb.nodes"] = kNames[static_cast<int>(value)];
+    info_.properties["vdb.nodes"] = value == NodeValue::kLeast ? "min"
+                                    : value == NodeValue::kGreatest
+                                        ? "max"
+                                        : "curvature_" + std::to_string(coefficientOf(value));
     info_.properties["vdb.level"] = std::to_string(level);
   }
 
  private:
   static bool isRange(NodeValue value) { return value <= NodeValue::kGreatest; }
+  static std::size_t coefficientOf(NodeValue value) {
+    return static_cast<std::size_t>(value) - static_cast<std::size_t>(NodeValue::kCurvature);
+  }
   static std::int64_t nodeCells(const Pyramid& pyramid, NodeValue value) {
-    return isRange(value) ? pyramid.layout().tileCells() : 2;
+    return isRange(value) ? pyramid.layout().tileCells() : pyramid.layout().curvatureCells();
   }
 
   void copyBrick(const Index3& brick, const IndexBox& box, void* out) const override {
@@ -170,12 +174,12 @@ class NodeSource final : public BrickSource {
       own.count = layout.brickTiles(level_, brick);
       pyramid_->tileRanges(level_, brick, ranges);
     } else {
-      own.count = layout.brickNodes(brick);
+      own.count = layout.brickCurvatureBlocks(brick);
       pyramid_->parts().curvature(brick, codes);
     }
-    const int coefficient = static_cast<int>(value_) - static_cast<int>(NodeValue::kCurvature0);
     const auto valueAt = [&](std::size_t i) {
-      return !isRange(value_)              ? CurvatureCode::decode(codes[3 * i + coefficient])
+      return !isRange(value_)
+                 ? DeviationCode::decode(codes[kDeviationCoefficients * i + coefficientOf(value_)])
              : value_ == NodeValue::kLeast ? ranges[i].min
                                            : ranges[i].max;
     };
@@ -207,7 +211,7 @@ std::unique_ptr<VolumeSource> makePyramidSource(std::shared_ptr<const Pyramid> p
 std::unique_ptr<VolumeSource> makeNodeSource(const std::shared_ptr<const Pyramid>& pyramid,
                                              std::uint64_t budget_bytes, NodeValue value, int level,
                                              const IndexBox& voxels, const CancelFlag* cancel) {
-  if (value >= NodeValue::kCurvature0 && !pyramid->spec().has_curvature)
+  if (value >= NodeValue::kCurvature && !pyramid->spec().has_curvature)
     throw Error("'" + pyramid->path() + "' holds no curvature", {.path = pyramid->path()},
                 {Remedy::kBuildWithCurvature});
   return std::make_unique<NodeSource>(pyramid, budget_bytes, value, level, voxels, cancel);

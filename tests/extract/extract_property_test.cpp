@@ -16,7 +16,7 @@
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/storage/curvature_code.h"
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "tests/extract/random_case.h"
@@ -44,17 +44,17 @@ struct SeenCases {
 bool isFlatByPyramid(const Pyramid& pyramid, float isovalue, double tolerance, const Index3& cell) {
   const BrickLayout& layout = pyramid.layout();
   const Index3 brick = std::int64_t{2} * cell / layout.brickCells();
-  std::vector<ValueRange> ranges;
-  std::vector<std::uint8_t> coefficients;
-  pyramid.tileRanges(0, brick, ranges);
-  pyramid.parts().curvature(brick, coefficients);
+  std::vector<ValueRange> tiles;
+  std::vector<std::uint8_t> codes;
+  pyramid.tileRanges(0, brick, tiles);
+  pyramid.parts().curvature(brick, codes);
   const Index3 local = std::int64_t{2} * cell - brick * layout.brickCells();
-  const ValueRange range = ranges[static_cast<std::size_t>(
-      linearIndex(local / layout.tileCells(), layout.brickTiles(0, brick)))];
-  const auto node =
-      static_cast<std::size_t>(linearIndex(local / std::int64_t{2}, layout.brickNodes(brick)));
-  return static_cast<double>(
-             curvatureBound(&coefficients[3 * node], range.min, range.max, isovalue)) <= tolerance;
+  const Index3 block = local / layout.curvatureCells();
+  const auto number =
+      static_cast<std::size_t>(linearIndex(block, layout.brickCurvatureBlocks(brick)));
+  return static_cast<double>(deviationBound(&codes[kDeviationCoefficients * number],
+                                            curvatureBlockRange(layout, brick, tiles, block),
+                                            isovalue)) <= 1.5 * std::sqrt(2 * tolerance);
 }
 
 // The leaves that the fast classifier sees, cell by cell.
@@ -64,7 +64,7 @@ void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLeve
   ReadLog log;
   const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),
                             log};
-  LeafClassifier classifier(context);
+  LeafClassifier classifier(context, BrickReads::kAllowed);
   const Index3 cells = pyramid.lattice().cells(0);
   Index3 cell;
   for (cell.z = 0; cell.z < cells.z; ++cell.z)

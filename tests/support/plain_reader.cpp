@@ -14,6 +14,11 @@
 #include <xxhash.h>
 
 namespace isobrick::test {
+std::int64_t plainBlockCells(const PlainPyramid& p) {
+  const std::int64_t wanted = std::max({p.dims[0], p.dims[1], p.dims[2]}) <= 128 ? 8 : 16;
+  return std::max(p.tile_cells, std::min(wanted, p.brick_cells));
+}
+
 namespace {
 
 void require(bool holds, const std::string& what) {
@@ -136,7 +141,7 @@ PlainPyramid readHeader(FileBytes& file) {
     require(i < 2 ? kind == i : kind > p.kinds.back(), "kinds");
     p.kinds.push_back(kind);
   }
-  p.has_curvature = std::find(p.kinds.begin(), p.kinds.end(), 2u) != p.kinds.end();
+  p.has_curvature = std::find(p.kinds.begin(), p.kinds.end(), 4u) != p.kinds.end();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::uint64_t voxels = file.u64(48 + 8 * axis);
     require(voxels >= 2 && voxels <= 1048576, "dims");
@@ -292,7 +297,7 @@ void readElements(const FileBytes& file, std::uint32_t voxel_type, float constan
                   PlainBrick& brick) {
   const std::int64_t voxel = kVoxelSizes[voxel_type];
   const std::int64_t samples = product(brick.count), tiles = product(brick.tiles);
-  const std::int64_t codes = 3 * product(brick.nodes);
+  const std::int64_t codes = 8 * product(brick.blocks);
   brick.samples.assign(static_cast<std::size_t>(samples), constant);
   if (hasBytes(brick.parts[0])) {
     const auto elements = elementsOf(file, brick.parts[0], samples * voxel);
@@ -325,18 +330,19 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
     brick.first_sample[axis] = std::max<std::int64_t>(brick.first_cell[axis] - 1, 0);
     brick.count[axis] = std::min(last_cell + 2, cells) - brick.first_sample[axis] + 1;
     brick.tiles[axis] = ceilOf(brick.cells[axis], p.tile_cells);
-    brick.nodes[axis] = ceilOf(brick.cells[axis], 2);
+    brick.blocks[axis] = ceilOf(brick.cells[axis], plainBlockCells(p));
   }
   const std::uint32_t voxel = kVoxelSizes[p.voxel_type];
   const std::int64_t bytes[3] = {product(brick.count) * voxel, product(brick.tiles) * 2 * voxel,
-                                 product(brick.nodes) * 3};
+                                 product(brick.blocks) * 8};
   brick.parts[2].codec = 2;
   for (const std::uint32_t kind : p.kinds) {
-    require(kind < 4, "a kind that this reader does not know");
-    if (kind < 3)
-      brick.parts[kind] = readPart(file, at, bytes[kind], kind < 2 || level == 0, kind == 0);
+    require(kind < 5, "a kind that this reader does not know");
+    const std::size_t part = kind == 4 ? 2 : kind;
+    if (kind != 2 && kind != 3)
+      brick.parts[part] = readPart(file, at, bytes[part], part < 2 || level == 0, part == 0);
     else if (file.u32(at + 16) > 0)  // section 9: passed over
-      file.checkHash(file.u64(at), file.u32(at + 16), file.u64(at + 8), "errors");
+      file.checkHash(file.u64(at), file.u32(at + 16), file.u64(at + 8), "a part of an older kind");
     at += 24;
   }
   brick.range = {file.f32(at), file.f32(at + 4)};
@@ -470,20 +476,39 @@ PlainPyramid readPlainPyramid(const std::string& path) {
   return p;
 }
 
-double plainCurvatureOfCode(std::uint8_t code) {
+double plainDeviationOfCode(std::uint8_t code) {
   if (code == 0) return 0;
   if (code == 255) return std::numeric_limits<double>::infinity();
-  return static_cast<double>(static_cast<float>(std::pow(2.0, (code - 176) / 8.0)));
+  return std::ldexp(1 + (code - 1) % 4 / 4.0, (code - 1) / 4 - 10);
 }
 
-double plainCurvatureBound(const std::uint8_t codes[3], const PlainRange& tile_range,
-                           double value) {
-  const double r0 = static_cast<double>(tile_range.min), r1 = static_cast<double>(tile_range.max);
-  const double t = r1 > r0 ? std::clamp((value - r0) / (r1 - r0), 0.0, 1.0) : 0.0;
-  const double basis[3] = {(1 - t) * (1 - t), 2 * t * (1 - t), t * t};
+PlainRange plainBlockRange(const PlainPyramid& p, const PlainBrick& brick,
+                           const PlainIndex& block) {
+  const std::int64_t edge = plainBlockCells(p) / p.tile_cells;
+  PlainRange range;
+  bool is_first = true;
+  for (std::int64_t z = block[2] * edge; z < std::min((block[2] + 1) * edge, brick.tiles[2]); ++z)
+    for (std::int64_t y = block[1] * edge; y < std::min((block[1] + 1) * edge, brick.tiles[1]); ++y)
+      for (std::int64_t x = block[0] * edge; x < std::min((block[0] + 1) * edge, brick.tiles[0]);
+           ++x) {
+        const PlainRange& tile = brick.tile_ranges[static_cast<std::size_t>(
+            (z * brick.tiles[1] + y) * brick.tiles[0] + x)];
+        range = is_first ? tile
+                         : PlainRange{std::min(range.min, tile.min), std::max(range.max, tile.max)};
+        is_first = false;
+      }
+  return range;
+}
+
+double plainDeviationBound(const std::uint8_t codes[8], const PlainRange& range, double value) {
+  const double r0 = static_cast<double>(range.min), r1 = static_cast<double>(range.max);
+  const double at = r1 > r0 ? std::clamp(8 * (value - r0) / (r1 - r0) - 0.5, 0.0, 7.0) : 0.0;
+  const int low = static_cast<int>(at);
   double sum = 0;
-  for (int j = 0; j < 3; ++j)
-    if (basis[j] > 0) sum += basis[j] * plainCurvatureOfCode(codes[j]);
+  for (int j = low; j < std::min(low + 2, 8); ++j) {
+    const double weight = 1 - std::abs(at - j);
+    if (weight > 0) sum += weight * plainDeviationOfCode(codes[j]);
+  }
   return sum;
 }
 

@@ -35,10 +35,10 @@ struct PlainBrick {
   std::vector<float> samples;
   PlainIndex tiles{};
   std::vector<PlainRange> tile_ranges;
-  PlainIndex nodes{};
-  std::vector<std::uint8_t> codes;  // three a node; empty where absent
+  PlainIndex blocks{};
+  std::vector<std::uint8_t> codes;  // eight a block; empty where absent
   PlainRange range;
-  std::array<PlainPart, 3> parts;  // by kind; one that the header does not list is absent
+  std::array<PlainPart, 3> parts;  // samples, ranges, curvature; one that is not listed is absent
 
   float sampleAt(const PlainIndex& sample) const;  // by its index in the level
   // The range of the tile that holds `cell` of the brick's level.
@@ -80,7 +80,10 @@ PlainPyramid readPlainPyramid(const std::string& path);
 std::vector<std::uint8_t> readWholeFile(const std::string& path);
 
 // Sections 7 and 8.
-double plainCurvatureOfCode(std::uint8_t code);
-double plainCurvatureBound(const std::uint8_t codes[3], const PlainRange& tile_range, double value);
+std::int64_t plainBlockCells(const PlainPyramid& pyramid);
+double plainDeviationOfCode(std::uint8_t code);
+PlainRange plainBlockRange(const PlainPyramid& pyramid, const PlainBrick& brick,
+                           const PlainIndex& block);
+double plainDeviationBound(const std::uint8_t codes[8], const PlainRange& range, double value);
 
 }  // namespace isobrick::test

@@ -35,7 +35,7 @@ PyramidSpec specOf(const format::Header& header) {
   spec.voxel_type = static_cast<VoxelType>(header.voxel_type);
   spec.brick_cells = header.brick_cells;
   spec.tile_cells = header.tile_cells;
-  spec.has_curvature = header.kind_count > 2 && header.kinds[2] == 2;
+  spec.has_curvature = header.kind_count > 2 && header.kinds[2] == kindNumber(PartKind::kCurvature);
   return spec;
 }
 
@@ -47,8 +47,9 @@ BrickRow rowAt(const Bytes& file, const format::Header& header, std::uint64_t at
   BrickRow row;
   row.parts.fill({0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
   for (std::uint32_t i = 0; i < header.kind_count; ++i)
-    row.parts.at(header.kinds[i]) =
-        get<format::PartEntry>(file, at + i * sizeof(format::PartEntry));
+    for (const PartKind kind : kPartKinds)
+      if (header.kinds[i] == kindNumber(kind))
+        row.part(kind) = get<format::PartEntry>(file, at + i * sizeof(format::PartEntry));
   const auto tail = get<format::RowTail>(file, at + rowBytesOf(header) - sizeof(format::RowTail));
   row.range_min = tail.range_min;
   row.range_max = tail.range_max;
@@ -62,11 +63,10 @@ Bytes bytesOf(const BrickRow& row, const format::Header& header) {
   Bytes bytes(rowBytesOf(header));
   const std::uint32_t kinds = std::min(header.kind_count, format::kMostKinds);
   for (std::uint32_t i = 0; i < kinds; ++i) {
-    const std::uint32_t kind = header.kinds[i];
-    put(bytes, i * sizeof(format::PartEntry),
-        kind < row.parts.size()
-            ? row.parts[kind]
-            : format::PartEntry{0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
+    format::PartEntry entry{0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)};
+    for (const PartKind kind : kPartKinds)
+      if (header.kinds[i] == kindNumber(kind)) entry = row.part(kind);
+    put(bytes, i * sizeof(format::PartEntry), entry);
   }
   put(bytes, bytes.size() - sizeof(format::RowTail),
       format::RowTail{row.range_min, row.range_max, row.constant, row.unused, 0});

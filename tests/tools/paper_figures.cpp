@@ -27,12 +27,12 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
-#include "tests/preprocess/bounded_volume.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/reference_mesher.h"
 #include "tests/support/reference_pyramid.h"
 #include "tests/support/split_meshes.h"
+#include "tests/support/trilinear_cell.h"
 
 namespace isobrick::test {
 namespace {
@@ -62,24 +62,23 @@ ReferencePyramid referencePyramidOf(const PlainPyramid& plain) {
   return pyramid;
 }
 
-// The curvature bound of a cell of level 1: its range of values, and its three stored bytes.
+// The curvature bound of a cell of level 1: its block's range of values, and the stored bytes.
 struct StoredBound {
   PlainRange range;
   const std::uint8_t* codes = nullptr;
 };
 
 StoredBound storedBound(const PlainPyramid& plain, const Index3& level1_cell) {
-  PlainIndex cell{}, brick_index{};
+  const std::int64_t edge = plainBlockCells(plain);
+  PlainIndex brick_index{}, block{};
   for (int axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<std::size_t>(axis);
-    cell[a] = 2 * level1_cell[axis];
-    brick_index[a] = cell[a] / plain.brick_cells;
+    brick_index[a] = 2 * level1_cell[axis] / plain.brick_cells;
+    block[a] = 2 * level1_cell[axis] % plain.brick_cells / edge;
   }
   const PlainBrick& brick = plain.brickAt(0, brick_index);
-  PlainIndex node{};
-  for (std::size_t a = 0; a < 3; ++a) node[a] = (cell[a] - brick.first_cell[a]) / 2;
-  const auto number = (node[2] * brick.nodes[1] + node[1]) * brick.nodes[0] + node[0];
-  return {brick.tileRangeOfCell(cell, plain.tile_cells), brick.codes.data() + 3 * number};
+  const auto number = (block[2] * brick.blocks[1] + block[1]) * brick.blocks[0] + block[0];
+  return {plainBlockRange(plain, brick, block), brick.codes.data() + 8 * number};
 }
 
 // ---- Meshes -------------------------------------------------------------------------------------
@@ -138,7 +137,8 @@ json compareMeshes(const MeshArguments& arguments) {
   if (arguments.curvature >= 0)
     query.flat = [&](const Index3& cell) {
       const StoredBound bound = storedBound(plain, cell);
-      return plainCurvatureBound(bound.codes, bound.range, arguments.iso) <= arguments.curvature;
+      return plainDeviationBound(bound.codes, bound.range, arguments.iso) <=
+             1.5 * std::sqrt(2 * arguments.curvature);
     };
   const LeafLevels leaves = referenceLeafLevels(pyramid.lattice, query);
   ReferenceQuery finest;
@@ -164,6 +164,10 @@ json compareMeshes(const MeshArguments& arguments) {
 
 // ---- Curvature samples (Sect. 5.2, Figure 7) ----------------------------------------------------
 
+struct CurvatureSample {
+  double value = 0, curvature = 0;
+};
+
 // The paper's update for every sample: a quadratic in Bernstein form over `range`, never below one.
 std::array<double, 3> fitQuadratic(const std::vector<CurvatureSample>& samples,
                                    const PlainRange& range) {
@@ -186,9 +190,9 @@ std::array<double, 3> fitQuadratic(const std::vector<CurvatureSample>& samples,
 // A node, the eight unit cubes in it, and `per_edge` samples on each edge of each.
 json sampleNode(const PlainPyramid& plain, const ReferencePyramid& pyramid, const Index3& node,
                 int per_edge) {
-  const StoredBound bound = storedBound(plain, node);
-  const double least = plain.curvature_epsilon * (static_cast<double>(bound.range.max) -
-                                                  static_cast<double>(bound.range.min));
+  const PlainRange range = storedBound(plain, node).range;
+  const double least =
+      plain.curvature_epsilon * (static_cast<double>(range.max) - static_cast<double>(range.min));
   std::vector<CurvatureSample> counted;
   json points = json::array(), left_out = json::array();
   PlainRange own{pyramid.sampleAt(0, node * Index3(2)), pyramid.sampleAt(0, node * Index3(2))};
@@ -218,11 +222,7 @@ json sampleNode(const PlainPyramid& plain, const ReferencePyramid& pyramid, cons
           {"samples", points},
           {"left_out", left_out},
           {"own_range", {own.min, own.max}},
-          {"own", fitQuadratic(counted, own)},
-          {"tile_range", {bound.range.min, bound.range.max}},
-          {"stored",
-           {plainCurvatureOfCode(bound.codes[0]), plainCurvatureOfCode(bound.codes[1]),
-            plainCurvatureOfCode(bound.codes[2])}}};
+          {"own", fitQuadratic(counted, own)}};
 }
 
 json sampleNodes(const std::string& file, const std::vector<std::vector<std::int64_t>>& places,

@@ -15,6 +15,7 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_file.h"
@@ -124,9 +125,8 @@ VolumeLevels openNodes(const ConvertArguments& arguments,
   for (int level = first; arguments.with_ranges && level <= last; ++level)
     for (const NodeValue value : {NodeValue::kLeast, NodeValue::kGreatest}) add(value, level);
   if (arguments.with_curvature)
-    for (const NodeValue value :
-         {NodeValue::kCurvature0, NodeValue::kCurvature1, NodeValue::kCurvature2})
-      add(value, 0);
+    for (int i = 0; i < kDeviationCoefficients; ++i)
+      add(static_cast<NodeValue>(static_cast<int>(NodeValue::kCurvature) + i), 0);
   return nodes;
 }
 

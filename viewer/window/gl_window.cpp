@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <string>
 #include <utility>
 
@@ -133,6 +134,11 @@ struct GlWindow::Callbacks {
 };
 
 GlWindow::GlWindow(int width, int height, const std::string& title) : title_(title) {
+#ifdef GLFW_PLATFORM
+  // GLFW 3.4 asks for Wayland first, whose library complains on stderr where there is none.
+  if (std::getenv("WAYLAND_DISPLAY") == nullptr && std::getenv("WAYLAND_SOCKET") == nullptr)
+    glfwInitHint(GLFW_PLATFORM, GLFW_PLATFORM_X11);
+#endif
   if (glfwInit() != GLFW_TRUE) refuse();
   try {
     open(width, height);

@@ -9,7 +9,7 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/storage/curvature_code.h"
+#include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_parts.h"
@@ -23,8 +23,6 @@ namespace {
 using namespace test;  // NOLINT: the helpers of volume_files.h
 
 constexpr NodeValue kRanges[] = {NodeValue::kLeast, NodeValue::kGreatest};
-constexpr NodeValue kCoefficients[] = {NodeValue::kCurvature0, NodeValue::kCurvature1,
-                                       NodeValue::kCurvature2};
 
 class VdbNodesTest : public VolumeFilesTest {
  protected:
@@ -62,7 +60,8 @@ class VdbNodesTest : public VolumeFilesTest {
     };
     for (int level = 0; level < levels; ++level)
       for (const NodeValue value : kRanges) add(value, level);
-    for (const NodeValue value : kCoefficients) add(value, 0);
+    for (int i = 0; i < kDeviationCoefficients; ++i)
+      add(static_cast<NodeValue>(static_cast<int>(NodeValue::kCurvature) + i), 0);
     ExportOptions options;
     options.memory_bytes = std::uint64_t{64} << 20;
     options.vdb_tolerance = 100;  // of voxels alone
@@ -117,13 +116,15 @@ class VdbNodesTest : public VolumeFilesTest {
     forEachIndex({Index3(0), layout.bricks(0)}, [&](const Index3& brick) {
       std::vector<std::uint8_t> codes;
       pyramid_->parts().curvature(brick, codes);
-      const Index3 count = layout.brickNodes(brick);
+      const Index3 count = layout.brickCurvatureBlocks(brick);
+      const std::int64_t edge = layout.curvatureCells();
       for (std::size_t i = 0; i < codes.size(); ++i) {
-        const Index3 node =
-            brick * (layout.brickCells() / 2) + indexAt(static_cast<std::int64_t>(i / 3), count);
-        if (!isIn(node, 2)) continue;
-        EXPECT_EQ(valueAt(grid("curvature_c" + std::to_string(i % 3)), node, 2),
-                  CurvatureCode::decode(codes[i]));
+        const Index3 block = brick * (layout.brickCells() / edge) +
+                             indexAt(static_cast<std::int64_t>(i / kDeviationCoefficients), count);
+        if (!isIn(block, edge)) continue;
+        EXPECT_EQ(
+            valueAt(grid("curvature_" + std::to_string(i % kDeviationCoefficients)), block, edge),
+            DeviationCode::decode(codes[i]));
         ++compared;
       }
     });
@@ -146,7 +147,7 @@ TEST_F(VdbNodesTest, AreThoseOfTheLibraryWhereTheyLie) {
     const int levels = pyramid_->lattice().levels();
     fs::remove(pathOf("nodes.vdb"));
     write({Index3(0), voxels}, levels);
-    EXPECT_EQ(grids_->size(), 1u + 2u * static_cast<unsigned>(levels) + 3u);
+    EXPECT_EQ(grids_->size(), 1u + 2u * static_cast<unsigned>(levels) + 8u);
     EXPECT_EQ(grid("density").metaValue<int>("isobrick:level"), 0);
     const auto all = [](const Index3&, std::int64_t) { return true; };
     EXPECT_GT(compare(levels, all), 10000);
@@ -176,7 +177,7 @@ TEST_F(VdbNodesTest, CurvatureThatIsNotThereIsRefused) {
   const auto pyramid = std::make_shared<Pyramid>(pathOf("flat.isb"));
   EXPECT_CONTAINS(
       errorOf([&] {
-        makeNodeSource(pyramid, 1 << 20, NodeValue::kCurvature0, 0, {Index3(0), Index3(9)});
+        makeNodeSource(pyramid, 1 << 20, NodeValue::kCurvature, 0, {Index3(0), Index3(9)});
       }),
       "holds no curvature");
 }

@@ -135,7 +135,7 @@ def test_ranges_of_tiles_are_grids():
         run("convert", "levels.isb", "-o", "nodes.vdb", "--levels", "all", "--with-ranges", "--with-curvature",
             "--vdb-background", "7", "--vdb-tolerance", "5", "--force")
         names = [grid.name for grid in vdb.readAllGridMetadata("nodes.vdb")]
-        assert len(set(names)) == len(names) == 3 * len(levels) + 3, names
+        assert len(set(names)) == len(names) == 3 * len(levels) + 8, names
         for level in range(len(levels)):
             step = 4 * 2**level * SPACING
             for name, expected in zip(("min", "max"), closures(levels, level)):
@@ -148,21 +148,35 @@ def test_ranges_of_tiles_are_grids():
     np.testing.assert_array_equal(found, least[0:2, 1:6, 1:5])
 
 
-def test_curvature_of_cells_is_a_grid_for_each_coefficient():
-    # Trilinear as cells are: cylinders over hyperbolas, x y = c, with one curvature that is not 0.
+def test_curvature_of_blocks_is_a_grid_for_each_coefficient():
+    # A ball: level 1 lies 1.25 / radius from level 0 (docs/FORMAT.md, section 8).
     z, y, x = np.meshgrid(*(np.arange(n, dtype=float) for n in (40, 43, 46)), indexing="ij")
-    write_nrrd("saddle.nrrd", ((x + 9) * (y + 5)).astype("<f4"))
-    run("build", "saddle.nrrd", "-o", "saddle.isb")
-    run("convert", "saddle.isb", "-o", "nodes.vdb", "--with-curvature", "--force")
-    bound = np.zeros((23, 21, 20))
-    for name in ("curvature_c0", "curvature_c1", "curvature_c2"):
+    radius = 15.0
+    write_nrrd("ball.nrrd", (radius - np.sqrt((x - 22.3) ** 2 + (y - 20.6) ** 2 + (z - 19.8) ** 2)).astype("<f4"))
+    run("build", "ball.nrrd", "-o", "ball.isb")
+    run("convert", "ball.isb", "-o", "nodes.vdb", "--with-ranges", "--with-curvature", "--force")
+
+    def values_of(name, shape):
         grid = vdb.read("nodes.vdb", name)
-        coefficient = np.empty(bound.shape, "f4")
-        grid.copyToArray(coefficient)
-        bound = np.maximum(bound, coefficient)
-        np.testing.assert_allclose(grid.transform.indexToWorld((3, 2, 1)), ORIGIN + SPACING * [7, 5, 3])
-    total = ((x + 9) * (y + 5)) ** 2 / ((x + 9) ** 2 + (y + 5) ** 2) ** 3
-    ratio = bound[:22, :20, :19] / total[1:39:2, 1:41:2, 1:45:2].T
-    assert ratio.min() > 0.9999 and np.median(ratio) < 3, (ratio.min(), np.median(ratio))
-    run("build", "saddle.nrrd", "-o", "flat.isb", "--no-curvature")
+        values = np.empty(shape, "f4")
+        grid.copyToArray(values)
+        return values, grid
+
+    shape, tiles = (6, 6, 5), (12, 11, 10)
+    c = [values_of(f"curvature_{i}", shape)[0] for i in range(8)]
+    grid = values_of("curvature_3", shape)[1]
+    np.testing.assert_allclose(grid.transform.indexToWorld((3, 2, 1)), ORIGIN + SPACING * [28, 20, 12])
+    least, greatest = values_of("min", tiles)[0], values_of("max", tiles)[0]
+    seen = 0
+    for block in np.ndindex(shape):
+        part = tuple(slice(2 * b, 2 * b + 2) for b in block)
+        low, high = least[part].min(), greatest[part].max()
+        if not low < -1 < 1 < high:
+            continue
+        at = np.clip(8 * -low / (high - low) - 0.5, 0, 7)
+        bound = np.interp(at, range(8), [coefficient[block] for coefficient in c])
+        assert 0.8 / radius < bound < 2 / radius, (block, bound)
+        seen += 1
+    assert seen > 20
+    run("build", "ball.nrrd", "-o", "flat.isb", "--no-curvature")
     run("convert", "flat.isb", "-o", "x.vdb", "--with-curvature", fails_with="holds no curvature")
