@@ -355,8 +355,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
     brick_table_[row].range_max = summary.brick_ranges[row].max;
   }
   format::Header header = formatHeaderOf(spec_);
-  for (const PartKind kind : kinds())
-    header.kinds[header.kind_count++] = kindNumber(kind);
+  for (const PartKind kind : kinds()) header.kinds[header.kind_count++] = kindNumber(kind);
   header.value_min = static_cast<double>(summary.voxel_range.min);
   header.value_max = static_cast<double>(summary.voxel_range.max);
   header.noise = summary.noise;

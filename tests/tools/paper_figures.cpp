@@ -29,6 +29,7 @@
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/plain_reader.h"
+#include "tests/support/random_numbers.h"
 #include "tests/support/reference_mesher.h"
 #include "tests/support/reference_pyramid.h"
 #include "tests/support/split_meshes.h"
