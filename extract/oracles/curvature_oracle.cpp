@@ -17,7 +17,9 @@ std::int64_t logarithmOf(std::int64_t power_of_two) {
 
 CurvatureOracle::CurvatureOracle(const MeshContext& context, const DetailChoice& choice,
                                  FlatBlocks* flat, BrickReads reads)
-    : context_(&context), flat_(flat), may_read_(reads == BrickReads::kAllowed) {
+    : context_(&context),
+      flat_(flat),
+      may_read_(reads == BrickReads::kAllowed && context.residency == nullptr) {
   const BrickLayout& layout = context.pyramid.layout();
   cells_shift_ = logarithmOf(layout.curvatureCells() / 2);
   blocks_shift_ = logarithmOf(layout.brickCells() / layout.curvatureCells());
@@ -33,7 +35,11 @@ void CurvatureOracle::keepRefined(int level, const Index3& first, std::int64_t c
   const std::int64_t edge = std::int64_t{1} << cells_shift_;
   for (std::int64_t begin = 0, end = 0; begin < count; begin = end) {
     end = std::min(begin + edge - (first.x + begin) % edge, count);
-    if (!isFlat((first + Index3(begin, 0, 0)) >> cells_shift_)) continue;
+    // What is not asked for may not be resident.
+    bool is_any_asked = false;
+    for (std::int64_t i = begin; i < end; ++i)
+      is_any_asked = is_any_asked || (bits[i / 64] >> i % 64 & 1) != 0;
+    if (!is_any_asked || !isFlat((first + Index3(begin, 0, 0)) >> cells_shift_)) continue;
     // Between two cells of a row in the sphere all others are in it.
     const bool is_all_inside =
         distance.squared(begin) <= radius_squared_ && distance.squared(end - 1) <= radius_squared_;

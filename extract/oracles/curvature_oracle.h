@@ -29,7 +29,8 @@ class CurvatureOracle {
   }
   // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
-  // Without reads it is certain of boxes outside the sphere alone.
+  // Without reads, and in a progressive query, which reads what is resident alone, it is certain of
+  // boxes outside the sphere alone.
   Coverage refinedCoverage(int level, const IndexBox& cells) const;
 
  private:

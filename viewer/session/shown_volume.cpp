@@ -8,8 +8,8 @@
 namespace isobrick {
 
 bool asksForTheSameTriangles(const AskedView& a, const AskedView& b) {
-  return a.is_whole == b.is_whole && asksForTheSame(a.state, b.state) &&
-         (!b.state.view_pixels || a.height == b.height);
+  // Whether a coarse pass is whole changes nothing that is shown at rest.
+  return asksForTheSame(a.state, b.state) && (!b.state.view_pixels || a.height == b.height);
 }
 
 bool asksForTheSame(const AskedView& a, const AskedView& b) {

@@ -1,6 +1,7 @@
 // A volume in view: events in, frames out, with extraction beside it. No window.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -184,7 +185,13 @@ class ViewSession {
   void updateOpening();
   void updatePieces(double seconds);
   AskedView askedView() const {
-    const bool is_whole = state_.focus.everywhere || !opening_.limit(state_).empty();
+    // Pieces are listed for each level that is shown alone, so coarse passes stay of several.
+    const bool has_pieces =
+        state_.coloring == ViewColoring::kComponent ||
+        std::any_of(state_.surfaces.begin(), state_.surfaces.end(),
+                    [](const ViewSurface& surface) { return surface.pieces != PieceChoice(); });
+    const bool is_whole =
+        !has_pieces && (state_.focus.everywhere || !opening_.limit(state_).empty());
     return {state_, interaction_.size.y, colored_by_, is_whole};
   }
   std::vector<ColoredPieces> coloredPieces() const;
