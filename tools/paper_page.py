@@ -172,7 +172,7 @@ def plot_figure7():
 def figure8():
     paper = ["46,000 (100 %)", "43,000 (93 %)", "32,000 (70 %)", "25,000 (54 %)"]
     rows, zero = [], result("figure8-0")["triangles"]
-    for radius, said in zip((0, 28, 14, 10), paper):
+    for radius, said in zip((0, 18, 13, 12), paper):
         triangles = result(f"figure8-{radius}")["triangles"]
         rows.append(["0" if radius == 0 else f"ρ = {radius} voxels ({0.5 / radius**2:.2g})", f"{triangles:,}",
                      percent(triangles, zero), said])

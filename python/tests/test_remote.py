@@ -82,6 +82,7 @@ def test_failures_say_what_to_do(server: Server) -> None:
 
 
 def test_ctrl_c_does_not_wait_for_the_server(server: Server) -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which pytest-xdist's processes ignore
     threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     begin = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
