@@ -504,7 +504,12 @@ TEST_F(Hdf5SourceTest, NothingButTheErrorIsSaidInAnyThread) {
   writeBytes(path, bytes);
   testing::internal::CaptureStderr();
   const auto source = openHdf5Source(path);
-  std::thread([&] { EXPECT_CONTAINS(errorOf([&] { readAll(*source); }), "('"); }).join();
+  // HDF5 1.10 names the filter, 1.14 says that one failed.
+  std::string error;
+  std::thread([&] { error = errorOf([&] { readAll(*source); }); }).join();
+  EXPECT_TRUE(error.find("Fletcher32") != std::string::npos ||
+              error.find("filter returned failure") != std::string::npos)
+      << error;
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
