@@ -1,11 +1,14 @@
 #include "isobrick/viewer/session/shown_volume.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <utility>
 
 namespace isobrick {
 
 bool asksForTheSameTriangles(const AskedView& a, const AskedView& b) {
+  // Whether a coarse pass is whole changes nothing that is shown at rest.
   return asksForTheSame(a.state, b.state) && (!b.state.view_pixels || a.height == b.height);
 }
 
@@ -48,8 +51,29 @@ double ShownVolume::radiusAtRest(const ViewState& state) const {
   return preview_of_ ? volume_.diagonal() : wantedRadius(state, volume_);
 }
 
+double ShownVolume::radiusOfPass(const AskedView& view, double radius) const {
+  if (!isOfOneLevel(view, radius)) return radius;
+  return std::ldexp(volume_.diagonal(), -levelOf(radius));
+}
+
+bool ShownVolume::isOfOneLevel(const AskedView& view, double radius) const {
+  return view.is_whole && radius < radiusAtRest(view.state);
+}
+
+int ShownVolume::levelOf(double radius) const {
+  const double level = std::ceil(std::log2(volume_.diagonal() / radius) - 1e-9);
+  return std::min(static_cast<int>(level), firstLevel() + pyramid_->lattice().levels() - 1);
+}
+
 Query ShownVolume::queryOf(const AskedView& view, std::size_t surface, double radius) const {
   Query query = isobrick::queryOf(view.state, volume_, surface, radius, view.height);
+  if (isOfOneLevel(view, radius)) {
+    query.focus.reset();
+    query.curvature_tolerance.reset();
+    query.uniform_level = std::max(0, levelOf(radius) - firstLevel());
+    if (preview_of_) query.view.reset();
+    return query;
+  }
   if (!preview_of_) return query;
   Query coarse;
   coarse.isovalue = query.isovalue;

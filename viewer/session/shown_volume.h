@@ -23,6 +23,8 @@ struct AskedView {
   double height = 0.0;  // of the picture, pixels
   // The list that each surface is coloured by; null, or lacking: none.
   std::vector<std::shared_ptr<const ListedComponents>> listed = {};
+  // The user chose no focus: a surface that is coarser than wanted is of one level everywhere.
+  bool is_whole = false;
 
   std::shared_ptr<const ListedComponents> listedOf(std::size_t surface) const {
     return surface < listed.size() ? listed[surface] : nullptr;
@@ -57,10 +59,17 @@ class ShownVolume {
 
   // A preview is shown as fine as it is.
   double radiusAtRest(const ViewState& state) const;
-  // The query of the view, in samples.
+  // The radius of a pass that is at most as fine as one with `radius`. If surfaces are whole, it is
+  // the diagonal over a power of two: over 2^l for one of level l, which has about as many
+  // triangles as one with that radius.
+  double radiusOfPass(const AskedView& view, double radius) const;
+  // The query of the view, in samples; `radius` is one of these.
   Query queryOf(const AskedView& view, std::size_t surface, double radius) const;
 
  private:
+  bool isOfOneLevel(const AskedView& view, double radius) const;
+  int levelOf(double radius) const;
+
   const std::shared_ptr<const Pyramid> pyramid_;
   const std::optional<PreviewOf> preview_of_;
   ViewVolume volume_;

@@ -58,8 +58,9 @@ double SurfacePace::extractionRate(std::uint64_t triangles, double seconds) cons
 }
 
 void SurfacePace::noteExtraction(double radius, std::uint64_t triangles, std::uint64_t made,
-                                 double seconds) {
+                                 double seconds, double finest) {
   if (4 * made < triangles) return;
+  rates_.finest = finest;
   // The rate of those that were made is that of all.
   if (triangles > 0) seconds *= static_cast<double>(triangles) / static_cast<double>(made);
   rates_.triangles_per_second = extractionRate(triangles, seconds);
@@ -95,11 +96,13 @@ void SurfacePace::noteOverBudget(double radius) {
   rates_.radius = std::max(kLeastRadius, 0.7 * std::min(rates_.radius, radius));
 }
 
-double SurfacePace::quickRadius(double wanted, double age) const {
+double SurfacePace::quickRadius(double wanted, double age, double finest) const {
   constexpr double kUnhurriedSeconds = 0.1;
   constexpr double kLeastShare = 0.25;  // a sixteenth of the surface
   const double share = std::clamp(kUnhurriedSeconds / std::max(age, 1e-9), kLeastShare, 1.0);
-  return std::min(std::max(kLeastRadius, share * rates_.radius), wanted);
+  const double growth = finest > 0.0 && rates_.finest > 0.0 ? finest / rates_.finest : 1.0;
+  const double fits = rates_.radius * std::clamp(1.0 / std::sqrt(growth), 0.1, 2.0);
+  return std::min(std::max(kLeastRadius, share * fits), wanted);
 }
 
 std::uint64_t SurfacePace::mostTriangles() const {

@@ -26,6 +26,7 @@ class SurfacePace {
     double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet
     double drawn_per_second = 0.0;      // triangles drawn, by a slow renderer; 0: it is not slow
     double too_large = 0.0;  // a radius of which lately the triangles were too many; 0: none
+    double finest = 0.0;     // triangles that all of the last surface has on level 0; 0: not known
   };
 
   SurfacePace() = default;
@@ -37,8 +38,9 @@ class SurfacePace {
   // that fits the time is found from the triangles that fit; steps are bounded, since a surface may
   // be anywhere, and end before a radius that was too large. Runs that found next to nothing leave
   // the rate as it was; few triangles may raise it, but do not lower it, as most of the time goes
-  // into finding them.
-  void noteExtraction(double radius, std::uint64_t triangles, std::uint64_t made, double seconds);
+  // into finding them. `finest`: as in Rates.
+  void noteExtraction(double radius, std::uint64_t triangles, std::uint64_t made, double seconds,
+                      double finest = 0.0);
   // After an extraction with `radius` that was given up for the triangles it had by then. The
   // radius is too large until surfaces grow to it again, a little each time.
   void noteGivenUp(double radius, std::uint64_t triangles, double seconds);
@@ -52,8 +54,10 @@ class SurfacePace {
   // The radius for a user who moves on, at most `wanted`, while the shown surface has been `age`
   // seconds behind the requested one. If frames, or a surface that has suddenly grown, take longer
   // than the stream's patience, every extraction is given up for the next one, and none of them
-  // gives a rate; so each gets smaller than the one before, until one is shown.
-  double quickRadius(double wanted, double age) const;
+  // gives a rate; so each gets smaller than the one before, until one is shown. A surface that has
+  // more triangles than the last one on level 0, as `finest` predicts, gets a smaller radius at
+  // once, and one that has fewer a larger one.
+  double quickRadius(double wanted, double age, double finest = 0.0) const;
   // Beyond so many triangles a surface for a user who moves is given up for a smaller one: half as
   // many again as fit the time, as a surface may suddenly grow; 0 if nothing was measured yet.
   std::uint64_t mostTriangles() const;

@@ -8,9 +8,11 @@
 
 namespace isobrick {
 
-SurfaceRequests::SurfaceRequests(const ShownVolume& volume, ChunkStore& store, ChunkBudget budget,
-                                 int threads, std::shared_ptr<KnownComponents> known)
+SurfaceRequests::SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram,
+                                 ChunkStore& store, ChunkBudget budget, int threads,
+                                 std::shared_ptr<KnownComponents> known)
     : volume_(volume),
+      histogram_(histogram),
       budget_(std::move(budget)),
       known_(std::move(known)),
       surfaces_(std::in_place, store, budget_),
@@ -76,9 +78,13 @@ void SurfaceRequests::take(double seconds, UploadAllowance& allowance) {
 void SurfaceRequests::takePass(const StreamMessage& pass) {
   if (pass.too_many) return pace_.noteGivenUp(pass.radius, pass.triangles_made, pass.seconds);
   waits_.end(pass, now_);
-  if (pass.is_complete && !pass.surfaces.empty())
-    pace_.noteExtraction(pass.radius, pass.triangles, pass.triangles_made, pass.seconds);
   asked_.erase(asked_.begin(), asked_.lower_bound(pass.request));
+  if (pass.is_complete && !pass.surfaces.empty()) {
+    const double finest = finestTriangles(asked_.at(pass.request));
+    pace_.noteExtraction(pass.radius, pass.triangles, pass.triangles_made, pass.seconds, finest);
+    if (pass.kept.empty() && finest > 0.0)
+      share_of_finest_ = static_cast<double>(pass.triangles) / finest;
+  }
   shown_.take(pass, asked_.at(pass.request));
   last_news_ = clockSeconds();
   all_passes_done_ = pass.request == last_request_ && pass.last_pass;
@@ -115,7 +121,7 @@ void SurfaceRequests::request(const AskedView& view, double seconds) {
     if (first)
       requestPasses(pace_.passRadii(wanted), true);
     else
-      requestQuickly(pace_.quickRadius(wanted, age));
+      requestQuickly(pace_.quickRadius(wanted, age, finestTriangles(view)));
   } else if (!asked_for_all_ && seconds - last_change_ >= SurfacePace::kRestSeconds) {
     const double shown = shown_.pass().radius;
     // A surface that is shown is not made again.
@@ -159,7 +165,7 @@ void SurfaceRequests::requestAtRest(const AskedView& view, bool waits) {
 
 StreamPass SurfaceRequests::passOf(double radius) const {
   StreamPass pass;
-  pass.radius = radius;
+  pass.radius = radius = volume_.radiusOfPass(*requested_, radius);
   const std::vector<ViewSurface>& surfaces = requested_->state.surfaces;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!surfaces[s].visible) continue;
@@ -192,6 +198,14 @@ void SurfaceRequests::boundFirstPass(StreamRequest& request) const {
   for (const double smaller : SurfacePace::smallerRadii(request.passes[0].radius))
     request.smaller.push_back(passOf(smaller));
   request.most_triangles = pace_.mostTriangles();
+}
+
+// Of all that is shown.
+double SurfaceRequests::finestTriangles(const AskedView& view) const {
+  double triangles = 0.0;
+  for (const ViewSurface& surface : view.state.surfaces)
+    if (surface.visible) triangles += histogram_.trianglesAt(surface.isovalue);
+  return triangles;
 }
 
 StreamValues SurfaceRequests::wantedValues() const {

@@ -16,6 +16,7 @@
 #include "isobrick/viewer/stream/chunk_store.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "isobrick/viewer/stream/surface_stream.h"
+#include "isobrick/viewer/stream/value_histogram.h"
 
 namespace isobrick {
 
@@ -24,10 +25,10 @@ namespace isobrick {
 // thread. Time is the caller's: seconds that run on.
 class SurfaceRequests {
  public:
-  // `volume` outlives it. `budget`: of chunks in the store; `threads`: of the extraction; `known`:
-  // the lists of components that it uses and adds to.
-  SurfaceRequests(const ShownVolume& volume, ChunkStore& store, ChunkBudget budget, int threads,
-                  std::shared_ptr<KnownComponents> known);
+  // `volume` and `histogram`, which predicts triangles, outlive it. `budget`: of chunks in the
+  // store; `threads`: of the extraction; `known`: the lists of components that it uses and adds to.
+  SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram, ChunkStore& store,
+                  ChunkBudget budget, int threads, std::shared_ptr<KnownComponents> known);
 
   // For each frame, in this order: takes what has come, within `allowance`, and asks for the
   // surfaces of the view.
@@ -61,6 +62,9 @@ class SurfaceRequests {
   const std::string& error() const { return surfaces_->error(); }
 
   const SurfacePace& pace() const { return pace_; }
+  // What ValueHistogram::trianglesAt() says, times this, are triangles at the shown detail; 0: not
+  // known.
+  double shareOfFinest() const { return share_of_finest_; }
   // Seconds since the shown surface was last the requested one; none: it is.
   std::optional<double> longestWait() const { return waits_.longest(now_); }
   // For the surfaces that the last take() began to show.
@@ -72,6 +76,7 @@ class SurfaceRequests {
   std::optional<StreamMessage> nextMessage();
   void takePass(const StreamMessage& pass);
   void shrinkToBudget();
+  double finestTriangles(const AskedView& view) const;
   StreamValues wantedValues() const;
   bool changesAtRest(const AskedView& view) const;
   void requestAtRest(const AskedView& view, bool waits);
@@ -83,6 +88,7 @@ class SurfaceRequests {
   void send(StreamRequest request, const std::optional<double>& waiting_since);
 
   const ShownVolume& volume_;
+  const ValueHistogram& histogram_;
   const ChunkBudget budget_;
   const std::shared_ptr<KnownComponents> known_;
   SurfacePace pace_;
@@ -94,10 +100,11 @@ class SurfaceRequests {
   std::map<std::uint64_t, AskedView> asked_;  // by request, from the one that is shown on
   std::uint64_t last_request_ = 0;
   std::uint64_t forgotten_request_ = 0;  // the last one whose chunks are of no use
-  double first_radius_ = 0.0;            // of the latest request's first pass
-  std::set<int> kept_;                   // surfaces that all requests under way keep
-  double last_change_ = 0.0;             // when a request last differed from the one before
-  bool asked_for_all_ = false;           // since then
+  double share_of_finest_ = 0.0;
+  double first_radius_ = 0.0;   // of the latest request's first pass
+  std::set<int> kept_;          // surfaces that all requests under way keep
+  double last_change_ = 0.0;    // when a request last differed from the one before
+  bool asked_for_all_ = false;  // since then
   bool all_passes_done_ = false;
   bool ask_again_ = false;   // the request could not be answered any longer
   bool shows_less_ = false;  // than the stream's messages contained

@@ -30,7 +30,7 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       state_(firstView(volume(), 1.0)),
       opening_(state_),
       known_(std::make_shared<KnownComponents>()),
-      requests_(shown_, renderer, options.gpu_budget, options.threads, known_),
+      requests_(shown_, histogram_, renderer, options.gpu_budget, options.threads, known_),
       planes_(shown_.pyramid(), shown_.step()),
       slice_views_(shown_.pyramid(), shown_.step()),
       pieces_(shown_.pyramid(), options.threads, known_),

@@ -1,6 +1,7 @@
 // A volume in view: events in, frames out, with extraction beside it. No window.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -66,6 +67,10 @@ class ViewSession {
   const ViewVolume& volume() const { return shown_.volume(); }
   const ValueHistogram& histogram() const { return histogram_; }
   const Pyramid& pyramid() const { return *shown_.pyramid(); }
+  // About how many triangles the isosurface has at the detail that is shown; 0: not known.
+  double predictedTriangles(double isovalue) const {
+    return requests_.shareOfFinest() * histogram_.trianglesAt(isovalue);
+  }
 
   // Nothing if the volume itself is shown.
   const std::optional<PreviewOf>& previewOf() const { return shown_.previewOf(); }
@@ -179,7 +184,16 @@ class ViewSession {
   void grant(ClickedFor what, const glm::dvec3& point);
   void updateOpening();
   void updatePieces(double seconds);
-  AskedView askedView() const { return {state_, interaction_.size.y, colored_by_}; }
+  AskedView askedView() const {
+    // Pieces are listed for each level that is shown alone, so coarse passes stay of several.
+    const bool has_pieces =
+        state_.coloring == ViewColoring::kComponent ||
+        std::any_of(state_.surfaces.begin(), state_.surfaces.end(),
+                    [](const ViewSurface& surface) { return surface.pieces != PieceChoice(); });
+    const bool is_whole =
+        !has_pieces && (state_.focus.everywhere || !opening_.limit(state_).empty());
+    return {state_, interaction_.size.y, colored_by_, is_whole};
+  }
   std::vector<ColoredPieces> coloredPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;

@@ -77,7 +77,7 @@ bool takeHold(const ViewVolume& volume, const ViewState& state, Interaction& int
   if (!pulled) return false;
   interaction.drag = Interaction::Drag::kHandle;
   interaction.held_handle = handle;
-  interaction.first_pull = *pulled;
+  interaction.first_pull = handle->kind == SceneHandle::Kind::kRadius ? 0.0 : *pulled;
   return true;
 }
 

@@ -1,5 +1,6 @@
 #include "isobrick/viewer/state/scene_handles.h"
 
+#include <algorithm>
 #include <glm/geometric.hpp>
 
 namespace isobrick {
@@ -71,12 +72,17 @@ std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& vol
   std::vector<SceneHandle> handles;
   if (!state.show_handles || picture.pixels.x < 1.0 || picture.pixels.y < 1.0) return handles;
   const PlacedCamera camera = placedIn(state.camera, picture);
+  const glm::dvec3& spacing = volume.geometry.spacing;
+  const double least_spacing = std::min({spacing.x, spacing.y, spacing.z});
   const auto add = [&](SceneHandle handle) {
     const double reach =
         camera.orthographic ? 1.0 : glm::dot(handle.foot - camera.eye, camera.forward);
     const double per_pixel = 2.0 * camera.half_height * reach / picture.pixels.y;
-    const bool of_focus = handle.kind == SceneHandle::Kind::kFocus;
-    const double arm = (of_focus ? kFocusArmPixels : kPlaneArmPixels) * picture.scale * per_pixel;
+    const double pixels =
+        handle.kind == SceneHandle::Kind::kFocus ? kFocusArmPixels : kPlaneArmPixels;
+    const double arm = handle.kind == SceneHandle::Kind::kRadius
+                           ? state.focus.radius * least_spacing
+                           : pixels * picture.scale * per_pixel;
     const auto foot = pixelOf(camera, picture.pixels, handle.foot);
     const auto tip = pixelOf(camera, picture.pixels, handle.foot + handle.direction * arm);
     if (!foot || !tip || glm::distance(*foot, *tip) < kShortestArmPixels * picture.scale) return;
@@ -89,6 +95,10 @@ std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& vol
     for (int axis = 0; axis < 3; ++axis)
       add({SceneHandle::Kind::kFocus, axis, volume.geometry.indexToWorld(state.focus.center),
            glm::normalize(matrix[axis])});
+    // On the sphere's rim, between the arrows of most views.
+    if (state.focus.show_sphere)
+      add({SceneHandle::Kind::kRadius, 0, volume.geometry.indexToWorld(state.focus.center),
+           glm::normalize(camera.right - camera.up)});
   }
   const glm::dvec3 middle = volume.box().center();
   for (std::size_t i = 0; i < state.clip_planes.size(); ++i) {
@@ -132,6 +142,9 @@ void pull(const SceneHandle& handle, double by, const ViewVolume& volume, ViewSt
   if (handle.kind == SceneHandle::Kind::kFocus) {
     state.focus.center = volume.geometry.worldToIndex(to);
     state.focus.follow_view = false;
+  } else if (handle.kind == SceneHandle::Kind::kRadius) {
+    const glm::dvec3& spacing = volume.geometry.spacing;
+    state.focus.radius = by / std::min({spacing.x, spacing.y, spacing.z});
   } else {
     const auto number = static_cast<std::size_t>(handle.number);
     if (number >= state.clip_planes.size()) return;

@@ -1,5 +1,5 @@
-// Handles in the scene that the user drags: the focus along three axes, clip planes along their
-// normals, and a cube whose faces are views along the axes.
+// Handles in the scene that the user drags: the focus along three axes, its sphere's radius, clip
+// planes along their normals, and a cube whose faces are views along the axes.
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@ struct PictureSize {
 
 // An arrow, along which the user moves its object.
 struct SceneHandle {
-  enum class Kind { kFocus, kClipPlane };
+  enum class Kind { kFocus, kRadius, kClipPlane };
   Kind kind = Kind::kFocus;
   int number = 0;                        // the axis of the voxels, or which clip plane
   glm::dvec3 foot{0.0};                  // world
@@ -64,7 +64,8 @@ std::optional<SceneHandle> handleAt(const std::vector<SceneHandle>& handles,
 // Nothing if the cursor's ray runs along it.
 std::optional<double> pullOf(const SceneHandle& handle, const ViewCamera& camera,
                              const PictureSize& picture, const glm::dvec2& cursor);
-// The object of the handle, moved by so many world units from the handle's foot.
+// The object of the handle, moved by so many world units from the handle's foot; of a radius, these
+// are its length.
 void pull(const SceneHandle& handle, double by, const ViewVolume& volume, ViewState& state);
 
 // A face of the cube in the upper right corner of the picture.

@@ -1,4 +1,4 @@
-// How often each value occurs, for drawing.
+// How often each value occurs, and how large the isosurface of each is.
 #pragma once
 
 #include <cstddef>
@@ -12,9 +12,15 @@ struct ValueHistogram {
   double least = 0.0, greatest = 1.0;  // data units, of level 0
   std::vector<double> counts;          // of voxels, in equal parts of that range
 
+  // The contour spectrum (Bajaj, Pascucci and Schikore 1997): lattice edges of level 0 that the
+  // isovalue in the middle of each part crosses, about; empty: not known.
+  std::vector<double> edges;
+
   std::vector<double> isovalues;  // that are suggested, the best one first
 
   double total() const;
+  // About how many triangles the isosurface has on level 0, two to an edge; 0 if that is not known.
+  double trianglesAt(double isovalue) const;
 };
 
 // From the histogram and the gradients that the pyramid has, which throw Error if they are damaged.

@@ -76,6 +76,17 @@ TEST(SurfacePaceTest, AHandThatSeesNothingNewGetsLess) {
   EXPECT_EQ(SurfacePace({10.0}).quickRadius(1000.0, 5.0), SurfacePace::kLeastRadius);
 }
 
+TEST(SurfacePaceTest, ASurfaceThatIsKnownToBeLargerGetsASmallerRadiusAtOnce) {
+  SurfacePace pace({100.0});
+  const auto triangles = static_cast<std::uint64_t>(SurfacePace::kDragSeconds * 1e6);
+  pace.noteExtraction(100.0, triangles, triangles, SurfacePace::kDragSeconds, 1e5);
+  EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 1e5), 100.0, 1e-6);
+  EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 16e5), 25.0, 1e-6);
+  EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 1e3), 200.0, 1e-6);  // by no more than that
+  EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 1e12), 10.0, 1e-6);  // nor that
+  EXPECT_NEAR(pace.quickRadius(1000.0, 0.0), 100.0, 1e-6);       // not known
+}
+
 TEST(SurfacePaceTest, ASurfaceThatSuddenlyGrowsGetsASmallerRadius) {
   EXPECT_EQ(SurfacePace().mostTriangles(), 0u);
   SurfacePace pace({40.0, 1e6, 0.0});

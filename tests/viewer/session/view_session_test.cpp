@@ -104,6 +104,63 @@ TEST_F(ViewSessionTest, DraggedIsovaluesEndWithTheLastAtItsFinest) {
   EXPECT_EQ(trianglesShown(), trianglesOfAll());
 }
 
+// The triangles that fit the time are spread over all of the surface, unless the user said where.
+TEST_F(ViewSessionTest, WhileAHandMovesAWholeSurfaceIsOfOneLevel) {
+  settle();
+  const auto drag = [&] {
+    std::size_t most_levels = 0;
+    for (int i = 0; i < 12; ++i) {
+      session_->state().surfaces[0].isovalue = 5.0 + 0.1 * i;
+      const std::uint64_t passes = session_->status().passes;
+      while (session_->status().passes == passes) {
+        session_->update(clock_ += 1e-9);
+        std::this_thread::yield();
+      }
+      // One that is as fine as wanted is coarser where bricks are not in memory.
+      const SessionStatus status = session_->status();
+      if (status.shown_radius < status.wanted_radius)
+        most_levels = std::max(most_levels, status.levels.size());
+      session_->draw();
+      session_->noteDrawing(0.9);  // slowly
+    }
+    EXPECT_LT(session_->status().shown_radius, session_->status().wanted_radius);
+    return most_levels;
+  };
+  ASSERT_TRUE(session_->state().focus.everywhere);
+  EXPECT_EQ(drag(), 1u);
+  EXPECT_GT(session_->status().levels[0].level, 0);
+  settle();
+  EXPECT_EQ(trianglesShown(), trianglesOfAll());
+  session_->state().focus.everywhere = false;
+  session_->state().focus.radius = 30.0;
+  settle();
+  EXPECT_GT(drag(), 1u);
+}
+
+// A ball of radius 3 has a hundredth of the area of one of radius 24: the first surface after a
+// jump from one to the other is as coarse as that asks for, and not given up for its triangles.
+TEST_F(ViewSessionTest, AJumpOfTheIsovalueIsPredicted) {
+  settle();
+  const auto jumpTo = [&](double isovalue) {
+    session_->state().surfaces[0].isovalue = isovalue;
+    const std::uint64_t passes = session_->status().passes;
+    while (session_->status().passes == passes) {
+      session_->update(clock_ += 1e-9);
+      std::this_thread::yield();
+    }
+    return session_->status();
+  };
+  jumpTo(22.0);
+  settle();
+  const SessionStatus small = session_->status(), large = jumpTo(1.0);
+  const double expected = session_->histogram().trianglesAt(1.0);
+  EXPECT_NEAR(expected, static_cast<double>(trianglesOfAll()), 0.1 * expected);
+  EXPECT_NEAR(expected / session_->histogram().trianglesAt(22.0), 64.0, 16.0);
+  EXPECT_LE(large.shown_radius, std::max(SurfacePace::kLeastRadius, 0.25 * small.drag_radius));
+  EXPECT_NEAR(session_->predictedTriangles(1.0), static_cast<double>(large.triangles),
+              0.01 * static_cast<double>(large.triangles));
+}
+
 TEST_F(ViewSessionTest, WhileOneSurfaceIsDraggedTheOthersStayAsTheyAre) {
   ViewState& state = session_->state();
   state.focus.everywhere = false;
@@ -421,6 +478,7 @@ TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
       << session_->status().limited;
   open(least / 2);
   session_->keepFocus();
+  session_->state().focus.everywhere = false;  // of all of the surface, a level would fit
   settle();
   EXPECT_EQ(trianglesShown(), 0u);
   EXPECT_NE(session_->status().limited.find("not even the coarsest"), std::string::npos)

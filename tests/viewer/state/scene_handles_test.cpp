@@ -72,6 +72,7 @@ INSTANTIATE_TEST_SUITE_P(Cameras, SceneHandlesTest, testing::Bool());
 
 // Each arrow dragged to where the same arrow lies once the focus is 3 world units along it.
 TEST_P(SceneHandlesTest, TheFocusGoesWhereItsArrowIsDragged) {
+  state_.focus.show_sphere = false;  // its square
   ASSERT_EQ(handles().size(), 3u);
   const ViewState start = state_;
   for (int axis = 0; axis < 3; ++axis) {
@@ -100,6 +101,19 @@ TEST_P(SceneHandlesTest, TheFocusGoesWhereItsArrowIsDragged) {
     EXPECT_NEAR(by[axis] * volume_.geometry.spacing[axis], 3.0, GetParam() ? 1e-9 : 0.8);
     EXPECT_EQ(interaction_.drag, Interaction::Drag::kNone);
   }
+}
+
+TEST_P(SceneHandlesTest, TheSphereGrowsToWhereItsRimIsDragged) {
+  state_.focus.radius = 20.0;
+  ASSERT_EQ(handles().size(), 4u);
+  const SceneHandle rim = handles()[3];
+  EXPECT_EQ(rim.kind, SceneHandle::Kind::kRadius);
+  const glm::dvec3 center = state_.focus.center;
+  drag(rim.tip, 2.0 * rim.tip - rim.foot_pixel);
+  EXPECT_NEAR(state_.focus.radius, 40.0, GetParam() ? 1e-9 : 1.0);
+  EXPECT_EQ(state_.focus.center, center);
+  state_.focus.everywhere = true;
+  EXPECT_TRUE(handles().empty());
 }
 
 TEST_P(SceneHandlesTest, AClipPlaneGoesWhereItsArrowIsDragged) {
@@ -131,7 +145,7 @@ TEST_P(SceneHandlesTest, WhatCannotBeSeenCannotBeTaken) {
   // Straight along an axis its arrow is a point.
   state_.camera = alongAxis(state_.camera, AxisView::kTop);
   std::vector<SceneHandle> left = handles();
-  ASSERT_EQ(left.size(), 2u);
+  ASSERT_EQ(left.size(), 3u);  // the sphere's square, too
   EXPECT_EQ(left[0].number, 0);
   EXPECT_EQ(left[1].number, 1);
   interaction_.size = {0.0, 0.0};
