@@ -121,9 +121,6 @@ void appearanceControls(ViewSession& session, float scale) {
   if (!ImGui::CollapsingHeader("appearance", ImGuiTreeNodeFlags_DefaultOpen)) return;
   ViewState& state = session.state();
   coloring(session, scale);
-  ImGui::Checkbox("wireframe", &state.wireframe);
-  explain("The edges of the triangles (W).");
-  ImGui::SameLine();
   ImGui::Checkbox("transitions", &state.show_transitions);
   explain("The cells that join two levels, in a colour of their own.");
   bool headlight = state.lighting == ViewLighting::kHeadlight;

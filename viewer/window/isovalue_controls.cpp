@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "isobrick/viewer/state/short_number.h"
 #include "isobrick/viewer/state/view_keys.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
@@ -13,38 +14,41 @@ namespace {
 
 constexpr ImU32 kGround = IM_COL32(14, 15, 18, 255);
 constexpr ImU32 kCounts = IM_COL32(112, 136, 170, 255);
+constexpr ImU32 kAreas = IM_COL32(148, 118, 170, 255);
 constexpr ImU32 kActive = IM_COL32(255, 214, 102, 255);
 constexpr ImU32 kOther = IM_COL32(210, 210, 210, 150);
 constexpr ImU32 kSuggested = IM_COL32(120, 220, 160, 255);
 
-// The logarithm of the voxels with each value: a surface has few of them.
-void bars(const ValueHistogram& histogram, const ImVec2& at, const ImVec2& size) {
+// The logarithm of what each value has.
+void bars(const std::vector<double>& counts, ImU32 color, const ImVec2& at, const ImVec2& size) {
   ImDrawList& list = *ImGui::GetWindowDrawList();
-  const double most = *std::max_element(histogram.counts.begin(), histogram.counts.end());
+  const double most = *std::max_element(counts.begin(), counts.end());
   const double highest = std::max(std::log1p(most), 1e-30);
-  const float width = size.x / static_cast<float>(histogram.counts.size());
-  for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
-    const auto height = static_cast<float>(std::log1p(histogram.counts[i]) / highest);
+  const float width = size.x / static_cast<float>(counts.size());
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const auto height = static_cast<float>(std::log1p(counts[i]) / highest);
     const float x = at.x + width * static_cast<float>(i);
-    list.AddRectFilled({x, at.y + size.y * (1.0f - height)}, {x + width, at.y + size.y}, kCounts);
+    list.AddRectFilled({x, at.y + size.y * (1.0f - height)}, {x + width, at.y + size.y}, color);
   }
 }
 
-void histogram(ViewSession& session, float scale) {
+// A strip of all values with something of each, in which a drag moves the isovalue. Returns the
+// value under the cursor, or else that isovalue.
+double valueStrip(ViewSession& session, const char* name, const std::vector<double>& counts,
+                  ImU32 color, float height, float scale, const char* what) {
   ViewState& state = session.state();
   const ValueHistogram& histogram = session.histogram();
   ViewSurface& active = activeSurface(state);
   const ImVec2 at = ImGui::GetCursorScreenPos();
-  const ImVec2 size{std::max(1.0f, ImGui::GetContentRegionAvail().x), 90.0f * scale};
-  ImGui::InvisibleButton("histogram", size);
-  explain(
-      "How many voxels have each value, as a logarithm. Drag to move the isovalue; green marks are "
-      "the values that are suggested.");
+  const ImVec2 size{std::max(1.0f, ImGui::GetContentRegionAvail().x), height * scale};
+  ImGui::InvisibleButton(name, size);
+  explain(what);
   const double span = std::max(histogram.greatest - histogram.least, 1e-30);
-  if (ImGui::IsItemActive()) {
-    const double share = std::clamp((ImGui::GetIO().MousePos.x - at.x) / size.x, 0.0f, 1.0f);
-    active.isovalue = histogram.least + share * span;
-  }
+  double pointed = active.isovalue;
+  if (ImGui::IsItemHovered() || ImGui::IsItemActive())
+    pointed = histogram.least +
+              span * std::clamp((ImGui::GetIO().MousePos.x - at.x) / size.x, 0.0f, 1.0f);
+  if (ImGui::IsItemActive()) active.isovalue = pointed;
   const auto xOf = [&](double value) {
     return at.x + size.x * static_cast<float>((value - histogram.least) / span);
   };
@@ -52,7 +56,7 @@ void histogram(ViewSession& session, float scale) {
   const ImVec2 end{at.x + size.x, at.y + size.y};
   list.AddRectFilled(at, end, kGround, 3.0f * scale);
   list.PushClipRect(at, end, true);
-  bars(histogram, at, size);
+  bars(counts, color, at, size);
   for (const ViewSurface& surface : state.surfaces) {
     const bool is_active = &surface == &active;
     const float x = xOf(surface.isovalue);
@@ -64,6 +68,27 @@ void histogram(ViewSession& session, float scale) {
     list.AddTriangleFilled({x - half, at.y}, {x + half, at.y}, {x, at.y + 1.6f * half}, kSuggested);
   }
   list.PopClipRect();
+  return pointed;
+}
+
+// The pencil of isosurfaces: area, and triangles at the detail that is shown, of every isovalue.
+void contourSpectrum(ViewSession& session, float scale) {
+  const ValueHistogram& histogram = session.histogram();
+  if (histogram.edges.empty()) return;
+  const double value = valueStrip(
+      session, "areas", histogram.edges, kAreas, 40.0f, scale,
+      "How large the isosurface of each value is, as a logarithm, found when the pyramid was "
+      "built. The line below says its area, and how many triangles it has as fine as surfaces are "
+      "shown now. Drag to move the isovalue.");
+  const GridGeometry& geometry = session.volume().geometry;
+  const glm::dvec3 per_unit = 1.0 / geometry.spacing;
+  // Of a surface in all directions, half of the area is seen along each axis.
+  const double edges_per_area =
+      0.5 * (per_unit.y * per_unit.z + per_unit.x * per_unit.z + per_unit.x * per_unit.y);
+  const double area = 0.5 * histogram.trianglesAt(value) / edges_per_area;
+  const char* const unit = geometry.unit == LengthUnit::kMillimetre ? " mm\u00b2" : "";
+  ImGui::TextDisabled("at %.5g: area %s%s, %s triangles", value, shortNumber(area).c_str(), unit,
+                      shortNumber(std::round(session.predictedTriangles(value))).c_str());
 }
 
 // Digits of values: six of their range, however far that is from 0.
@@ -95,13 +120,16 @@ void suggestions(ViewSession& session) {
 }  // namespace
 
 void isovalueControls(ViewSession& session, float scale) {
-  histogram(session, scale);
+  valueStrip(session, "histogram", session.histogram().counts, kCounts, 90.0f, scale,
+             "How many voxels have each value, as a logarithm. Drag to move the isovalue; green "
+             "marks are the values that are suggested.");
   ViewState& state = session.state();
   double& isovalue = activeSurface(state).isovalue;
   const double step = isovalueStep(session.volume());
   const std::string format = text("%%.%dg", digitsOf(session.volume()));
   ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, format.c_str());
   explain("Of the active surface. The left and right arrows move it, with Shift faster.");
+  contourSpectrum(session, scale);
   suggestions(session);
 }
 

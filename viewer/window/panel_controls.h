@@ -7,8 +7,11 @@
 
 namespace isobrick {
 
-// The isovalue of the active surface, over the histogram with all surfaces and suggestions.
+// The isovalue of the active surface, between the histogram and the contour spectrum, both with all
+// surfaces and suggestions.
 void isovalueControls(ViewSession& session, float scale);
+// How fine the surfaces are and where: focus, curvature, pixels; and how that is seen.
+void detailControls(ViewSession& session);
 // Clip planes.
 void cutControls(ViewSession& session, float scale);
 // Colours, light and what else is drawn.

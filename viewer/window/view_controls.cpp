@@ -1,9 +1,6 @@
 #include <imgui.h>
 
-#include <algorithm>
 #include <array>
-#include <cmath>
-#include <glm/geometric.hpp>
 
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
@@ -49,55 +46,6 @@ void surfaces(ViewSession& session, float scale) {
     state.active_surface = static_cast<int>(state.surfaces.size()) - 1;
   }
   if (removed) removeSurface(*removed, state);
-}
-
-void focus(ViewSession& session) {
-  if (!ImGui::CollapsingHeader("region of interest")) return;
-  ViewState& state = session.state();
-  const double most = session.volume().diagonal();
-  ImGui::Checkbox("finest everywhere", &state.focus.everywhere);
-  explain(
-      "All of the surface at full resolution, or only what lies within a sphere around the focus, "
-      "coarser with distance.");
-  if (!state.focus.everywhere)
-    sliderOf("radius", state.focus.radius, 4.0, most, "%.0f voxels", ImGuiSliderFlags_Logarithmic);
-  const std::array<const char*, 3> names{"x", "y", "z"};
-  ImGui::BeginDisabled(state.focus.follow_view);
-  for (int axis = 0; axis < 3; ++axis)
-    sliderOf(names[static_cast<std::size_t>(axis)], state.focus.center[axis], 0.0,
-             static_cast<double>(session.volume().voxels[axis] - 1), "%.0f");
-  ImGui::EndDisabled();
-  ImGui::BeginDisabled(state.focus.everywhere);
-  ImGui::Checkbox("sphere", &state.focus.show_sphere);
-  ImGui::EndDisabled();
-  explain("Draws the sphere (S).");
-  ImGui::SameLine();
-  ImGui::Checkbox("follow the view", &state.focus.follow_view);
-  explain("The focus is the point that the camera turns about (V).");
-}
-
-// Parts that may stay coarse, by the oracles.
-void detail(ViewSession& session) {
-  if (!ImGui::CollapsingHeader("detail")) return;
-  ViewState& state = session.state();
-  const auto optional = [&](const char* label, std::optional<double>& value, double first) {
-    bool on = value.has_value();
-    if (ImGui::Checkbox(label, &on)) {
-      value.reset();
-      if (on) value = first;
-    }
-    return on;
-  };
-  ImGui::TextDisabled("Parts that may be coarser");
-  if (optional("where cells are small in the picture", state.view_pixels, 2.0))
-    sliderOf("at most", *state.view_pixels, 0.5, 50.0, "%.1f pixels", ImGuiSliderFlags_Logarithmic);
-  // A view may ask for it where there is none, and has to be able to stop.
-  if (!session.pyramid().spec().has_curvature && !state.curvature_tolerance) return;
-  if (!optional("where it is flat", state.curvature_tolerance, 0.005)) return;
-  // As a radius: flatter than a sphere of so many voxels.
-  double radius = std::sqrt(0.5 / std::max(*state.curvature_tolerance, 1e-12));
-  if (sliderOf("flatter than", radius, 1.0, 100.0, "%.1f voxels", ImGuiSliderFlags_Logarithmic))
-    state.curvature_tolerance = 0.5 / (radius * radius);
 }
 
 void slices(ViewSession& session) {
@@ -192,14 +140,13 @@ Wishes buildControls(ViewSession& session, float scale) {
   };
   Wishes wishes;
   section("isovalue", [&] { isovalueControls(session, scale); });
+  section("detail", [&] { detailControls(session); });
   section("surfaces", [&] { surfaces(session, scale); });
   section("cut", [&] { cutControls(session, scale); });
   section("appearance", [&] { appearanceControls(session, scale); });
   section("slices", [&] { slices(session); });
   section("pieces", [&] { pieceControls(session, scale); });
   section("measure", [&] { addWishes(measureControls(session), wishes); });
-  section("focus", [&] { focus(session); });
-  section("detail", [&] { detail(session); });
   section("files", [&] { addWishes(files(session.state(), scale), wishes); });
   return wishes;
 }
