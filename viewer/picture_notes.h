@@ -31,10 +31,6 @@ struct PictureLegend {
 struct PictureMark {
   std::vector<glm::dvec3> points;  // world
   std::string text;                // UTF-8
-  // A path over a surface in place of the lines, world, and the surface's outward normals at its
-  // points; parts that are turned away from the eye are thinner.
-  std::vector<glm::dvec3> path = {};
-  std::vector<glm::vec3> outwards = {};  // of the path
 };
 
 // All of a size that goes with the picture's.

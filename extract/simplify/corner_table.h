@@ -52,10 +52,6 @@ class CornerTable {
     kBroken   // anything else: no surface there
   };
   Ring ring(std::uint32_t vertex) const { return rings_[vertex]; }
-  // All corners of a vertex, as long as no edge collapsed.
-  std::span<const std::uint32_t> cornersOf(std::uint32_t vertex) const {
-    return std::span(around_).subspan(first_[vertex], first_[vertex + 1] - first_[vertex]);
-  }
 
   // What makes other triangles of these. The caller sees to it that the table stays consistent.
   void setVertex(std::uint32_t corner, std::uint32_t vertex) {
@@ -93,6 +89,10 @@ class CornerTable {
   }
   std::uint32_t& facing(std::uint32_t corner) {
     return triangles_[corner / 4].opposites[corner & 3];
+  }
+  // All corners of a vertex, as long as no edge collapsed.
+  std::span<const std::uint32_t> cornersOf(std::uint32_t vertex) const {
+    return std::span(around_).subspan(first_[vertex], first_[vertex + 1] - first_[vertex]);
   }
   // A triangle around a vertex: its two other vertices, and the next triangle clockwise.
   struct Around {

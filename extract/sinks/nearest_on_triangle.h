@@ -1,16 +1,13 @@
-// The point of a triangle that is nearest to another point.
+// How far a point is from a triangle.
 #pragma once
 
 #include <glm/vec3.hpp>
 
 namespace isobrick {
 
-// The triangle a, b, c may be a line or a point (Ericson, Real-Time Collision Detection, 2005,
-// 5.1.5: by the region of the triangle's plane that the point lies over).
-glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
-                             const glm::dvec3& c);
-
-// The square of its distance.
+// The square of the distance. The triangle a, b, c may be a line or a point (Ericson, Real-Time
+// Collision Detection, 2005, 5.1.5: by the region of the triangle's plane that the point lies
+// over).
 double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                        const glm::dvec3& c);
 

@@ -37,12 +37,11 @@ forbid(preprocess "expat" "^sources/vti_header|^sources/tiff_ome|^sources/xml_tr
 forbid(extract "isobrick/preprocess/|isobrick/viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|openvdb/|itk" "")
 forbid(extract "meshoptimizer" "^sinks/meshopt_chunk")
 # Rooms of extract that know nothing of the others named here.
-foreach(rooms "kernels:geodesic|meshing|oracles|paging|session|shares|simplify|sinks"
-    "sinks:geodesic|kernels|meshing|oracles|paging|session|shares|simplify"
-    "shares:geodesic|kernels|meshing|oracles|paging|session|simplify"
-    "simplify:geodesic|kernels|meshing|oracles|paging|session|shares"
-    "geodesic:kernels|meshing|oracles|paging|session|shares"
-    "oracles:geodesic|meshing|shares|simplify|sinks" "meshing:geodesic|paging|shares|simplify")
+foreach(rooms "kernels:meshing|oracles|paging|session|shares|simplify|sinks"
+    "sinks:kernels|meshing|oracles|paging|session|shares|simplify"
+    "shares:kernels|meshing|oracles|paging|session|simplify"
+    "simplify:kernels|meshing|oracles|paging|session|shares"
+    "oracles:meshing|shares|simplify|sinks" "meshing:paging|shares|simplify")
   string(REPLACE ":" ";" rooms ${rooms})
   list(GET rooms 0 room)
   list(GET rooms 1 others)

@@ -146,11 +146,8 @@ void mark(Notes& notes, const PlacedCamera& camera, const PictureMark& mark) {
   const glm::vec3 color{1.0f, 0.84f, 0.40f};
   const glm::dvec2 size(notes.width(), notes.height());
   const PixelPath path = pathOf(camera, size, mark.points);
-  const SeenPath way = seenPathOf(camera, size, mark.path, mark.outwards);
-  for (const auto& [from, to] : way.away) notes.canvas().line(from, to, 0.06 * m, color);
   for (const auto& [width, ink] : {std::pair{0.24 * m, kBlack}, std::pair{0.12 * m, color}}) {
-    for (const auto& [from, to] : mark.path.empty() ? path.lines : way.facing)
-      notes.canvas().line(from, to, width, ink);
+    for (const auto& [from, to] : path.lines) notes.canvas().line(from, to, width, ink);
     for (const glm::dvec2& pixel : path.points)
       notes.canvas().line(pixel, pixel, 0.25 * m + width, ink);
   }

@@ -47,21 +47,14 @@ void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, Pict
 
 PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& levels,
                      const std::optional<std::array<double, 2>>& window, LengthUnit unit,
-                     const PathOf& path_of, const std::vector<ColoredPieces>& pieces) {
+                     const std::vector<ColoredPieces>& pieces) {
   PictureNotes notes;
   notes.scale_bar = state.pictures.scale_bar;
   notes.axes = state.pictures.axes;
   notes.legend = state.pictures.legend;
   notes.unit = unit;
-  for (const ViewMeasurement& measurement : state.measurements) {
-    PictureMark& mark = notes.marks.emplace_back();
-    mark.points = measurement.points;
-    mark.text = measurementText(measurement, unit, path_of);
-    const FoundPath* const found = measurement.surface_isovalue ? path_of(measurement) : nullptr;
-    if (found == nullptr) continue;
-    mark.path = found->path.points;
-    mark.outwards = found->path.outwards;
-  }
+  for (const ViewMeasurement& measurement : state.measurements)
+    notes.marks.push_back({measurement.points, measurementText(measurement, unit)});
   for (const ViewPieceMeasure& piece : state.piece_measures)
     notes.marks.push_back({{piece.point}, pieceText(piece, unit)});
   if (state.coloring == ViewColoring::kLevel) {

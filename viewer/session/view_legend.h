@@ -26,10 +26,10 @@ struct ColoredPieces {
 void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, PictureLegend& legend);
 
 // What pictures of `state` have. `levels`: those that are shown; `window`: the values of the
-// darkest and the lightest colour, if the surface has values; `path_of`: of its measurements;
-// `pieces`: of surfaces that are coloured by them.
+// darkest and the lightest colour, if the surface has values; `pieces`: of surfaces that are
+// coloured by them.
 PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& levels,
                      const std::optional<std::array<double, 2>>& window, LengthUnit unit,
-                     const PathOf& path_of, const std::vector<ColoredPieces>& pieces = {});
+                     const std::vector<ColoredPieces>& pieces = {});
 
 }  // namespace isobrick

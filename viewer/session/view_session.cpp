@@ -33,8 +33,7 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       requests_(shown_, histogram_, renderer, options.gpu_budget, options.threads, known_),
       planes_(shown_.pyramid(), shown_.step()),
       slice_views_(shown_.pyramid(), shown_.step()),
-      pieces_(shown_.pyramid(), options.threads, known_),
-      paths_(shown_.pyramid(), options.threads, shown_.firstLevel()) {
+      pieces_(shown_.pyramid(), options.threads, known_) {
   const std::vector<double>& isovalues = volume().isovalues;
   state_.surfaces[0].isovalue = isovalues.empty() ? volume().least_value : isovalues.front();
   state_.ambient_occlusion = !renderer.isSoftware();
@@ -148,7 +147,6 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   updateOpening();
   slice_views_.update();
   updatePieces(seconds);
-  paths_.update(state_.measurements);
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   history_.note(state_, is_held, seconds);
   requests_.request(askedView(), seconds);
@@ -246,13 +244,12 @@ bool ViewSession::showsTheSameAt(int height) const {
 
 PictureNotes ViewSession::notes() const {
   return notesOf(state_, status().levels, valueWindow(), pyramid().spec().geometry.unit,
-                 paths_.asked(), coloredPieces());
+                 coloredPieces());
 }
 
 bool ViewSession::settled() const {
   return isFine() && clicks_.empty() && !pieces_.busy() && !waitsForPieces() &&
-         !slice_views_.busy() && !paths_.busy() &&
-         (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
+         !slice_views_.busy() && (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
 bool ViewSession::isFine() const { return requests_.isFine(askedView()) && !planes_.busy(); }

@@ -16,7 +16,6 @@
 #include "isobrick/viewer/session/drawn_scene.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/opening_view.h"
-#include "isobrick/viewer/session/path_finder.h"
 #include "isobrick/viewer/session/piece_list.h"
 #include "isobrick/viewer/session/plane_set.h"
 #include "isobrick/viewer/session/scene_of_view.h"
@@ -161,9 +160,6 @@ class ViewSession {
   // The lists of pieces that are known, whoever asked for them.
   const KnownComponents& known() const { return *known_; }
 
-  // The paths of measurements over the surface.
-  const PathFinder& paths() const { return paths_; }
-
   // The surface under the cursor, for the line at the foot, if the view is at rest; none if there
   // is background. It is read back, for which no frame waits, once for a place and a frame that
   // stay the same; until then it is what was read last of that frame.
@@ -227,7 +223,6 @@ class ViewSession {
   PlaneSet planes_;
   SliceViews slice_views_;
   PieceList pieces_;
-  PathFinder paths_;
 };
 
 }  // namespace isobrick

@@ -201,10 +201,7 @@ void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& sta
   interaction.picked.push_back(world);
   const std::size_t wanted = interaction.tool == Interaction::Tool::kAngle ? 3 : 2;
   if (interaction.picked.size() < wanted) return;
-  ViewMeasurement measurement{std::move(interaction.picked)};
-  if (interaction.tool == Interaction::Tool::kSurfaceDistance)
-    measurement.surface_isovalue = activeSurface(state).isovalue;
-  state.measurements.push_back(std::move(measurement));
+  state.measurements.push_back({std::move(interaction.picked)});
   interaction.picked.clear();
 }
 

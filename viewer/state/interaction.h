@@ -19,7 +19,7 @@ inline constexpr double kMostScale = 2.5;
 // State that lasts from event to event, and belongs to no saved view.
 struct Interaction {
   enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
-  enum class Tool { kNone, kDistance, kAngle, kSurfaceDistance, kPiece };
+  enum class Tool { kNone, kDistance, kAngle, kPiece };
 
   glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
   glm::dvec2 cursor{0.0};     // pixels

@@ -17,47 +17,27 @@ double ViewMeasurement::value() const {
   return glm::degrees(std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b)));
 }
 
-std::string measurementText(const ViewMeasurement& measurement, LengthUnit unit,
-                            const PathOf& path_of) {
-  const auto lengthOf = [&](double length) {
-    return shortNumber(length) + (unit == LengthUnit::kMillimetre ? " mm" : "");
-  };
-  if (measurement.surface_isovalue) {
-    const FoundPath* const found = path_of(measurement);
-    if (found == nullptr) return "looking for the way over the surface";
-    if (!found->error.empty()) return found->error;
-    std::string text = lengthOf(found->path.length) + " over the surface";
-    if (found->path.level > 0) text += " of level " + std::to_string(found->path.level);
-    return text;
-  }
-  if (!measurement.isAngle()) return lengthOf(measurement.value());
+std::string measurementText(const ViewMeasurement& measurement, LengthUnit unit) {
+  if (!measurement.isAngle())
+    return shortNumber(measurement.value()) + (unit == LengthUnit::kMillimetre ? " mm" : "");
   std::array<char, 48> text{};
   std::snprintf(text.data(), text.size(), "%.1f\u00b0", measurement.value());
   return text.data();
 }
 
-std::string measurementsCsv(const std::vector<ViewMeasurement>& measurements, LengthUnit unit,
-                            const PathOf& path_of) {
+std::string measurementsCsv(const std::vector<ViewMeasurement>& measurements, LengthUnit unit) {
   std::string csv = "number,kind,value,unit,x1,y1,z1,x2,y2,z2,x3,y3,z3\n";
   const std::string length = unit == LengthUnit::kMillimetre ? "mm" : "";
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     const ViewMeasurement& measurement = measurements[i];
     csv += std::to_string(i + 1);
-    csv += measurement.surface_isovalue ? ",surface_distance"
-           : measurement.isAngle()      ? ",angle"
-                                        : ",distance";
+    csv += measurement.isAngle() ? ",angle" : ",distance";
     const auto add = [&](double number) {
       std::array<char, 32> text{};
       std::snprintf(text.data(), text.size(), ",%.9g", number);
       csv += text.data();
     };
-    const FoundPath* const found = measurement.surface_isovalue ? path_of(measurement) : nullptr;
-    if (!measurement.surface_isovalue)
-      add(measurement.value());
-    else if (found != nullptr && found->error.empty())
-      add(found->path.length);
-    else
-      csv += ",";
+    add(measurement.value());
     csv += "," + (measurement.isAngle() ? std::string("degrees") : length);
     for (const glm::dvec3& point : measurement.points)
       for (int axis = 0; axis < 3; ++axis) add(point[axis]);

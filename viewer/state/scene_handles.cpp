@@ -55,18 +55,6 @@ PixelPath pathOf(const PlacedCamera& camera, const glm::dvec2& picture,
   return path;
 }
 
-SeenPath seenPathOf(const PlacedCamera& camera, const glm::dvec2& picture,
-                    const std::vector<glm::dvec3>& world, const std::vector<glm::vec3>& outwards) {
-  SeenPath seen;
-  for (std::size_t i = 0; i + 1 < world.size(); ++i) {
-    const glm::dvec3 sight = camera.orthographic ? camera.forward : world[i] - camera.eye;
-    const bool faces = glm::dot(sight, glm::dvec3(outwards[i] + outwards[i + 1])) <= 0.0;
-    for (const auto& line : pathOf(camera, picture, {world[i], world[i + 1]}).lines)
-      (faces ? seen.facing : seen.away).push_back(line);
-  }
-  return seen;
-}
-
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,
                                    const PictureSize& picture) {
   std::vector<SceneHandle> handles;

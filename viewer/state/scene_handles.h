@@ -44,14 +44,6 @@ struct PixelPath {
 PixelPath pathOf(const PlacedCamera& camera, const glm::dvec2& picture,
                  const std::vector<glm::dvec3>& world);
 
-// A path over a surface as it is seen, with the surface's outward normals at its points: what is
-// turned away from the eye apart.
-struct SeenPath {
-  std::vector<std::array<glm::dvec2, 2>> facing, away;
-};
-SeenPath seenPathOf(const PlacedCamera& camera, const glm::dvec2& picture,
-                    const std::vector<glm::dvec3>& world, const std::vector<glm::vec3>& outwards);
-
 // None while the view hides them, or behind the eye. An axis along which the eye looks has none, as
 // the user could not see how far it moves.
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,

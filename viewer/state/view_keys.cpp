@@ -102,8 +102,7 @@ void toolKey(const InputEvent& event, Interaction& interaction, ViewState& state
       chooseTool(Interaction::Tool::kNone, interaction);
       break;
     case Key::kD:
-      switchTool(event.shift ? Interaction::Tool::kSurfaceDistance : Interaction::Tool::kDistance,
-                 interaction);
+      switchTool(Interaction::Tool::kDistance, interaction);
       break;
     case Key::kA:
       switchTool(Interaction::Tool::kAngle, interaction);

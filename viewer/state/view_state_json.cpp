@@ -48,7 +48,7 @@ ISOBRICK_FIELDS(ViewSliceViews, shown, zoom, center)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewPlane, normal, offset)
 ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window, opacity)
-ISOBRICK_FIELDS(ViewMeasurement, points, surface_isovalue)
+ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
                 value_window, coloring, values, lighting, ambient_occlusion, shadow, pictures,
@@ -208,13 +208,25 @@ void checkRanges(const ViewState& state) {
   for (const ViewSurface& surface : state.surfaces)
     if (bounded(surface.pieces) != surface.pieces)
       refuse("surfaces", "has one with pieces of an area below 0");
-  for (const ViewMeasurement& measurement : state.measurements) {
+  for (const ViewMeasurement& measurement : state.measurements)
     if (measurement.points.size() != 2 && measurement.points.size() != 3)
       refuse("measurements", "has one that has neither 2 nor 3 points");
-    if (measurement.isAngle() && measurement.surface_isovalue)
-      refuse("measurements", "has one over a surface that has not 2 points");
-  }
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
+}
+
+// Takes out what views of earlier builds have, and no view has now.
+void dropOldFields(Json& json) {
+  if (!json.is_object()) return;
+  for (const char* name : {"tolerance", "outlines"}) json.erase(name);
+  const auto measurements = json.find("measurements");
+  if (measurements == json.end() || !measurements->is_array()) return;
+  // A distance over the surface has an isovalue. It goes: the straight one has another value.
+  std::erase_if(measurements->get_ref<Json::array_t&>(), [](Json& measurement) {
+    if (!measurement.is_object()) return false;
+    const bool is_over = !measurement.value("surface_isovalue", Json()).is_null();
+    measurement.erase("surface_isovalue");
+    return is_over;
+  });
 }
 
 }  // namespace
@@ -227,9 +239,7 @@ std::string viewStateToJson(const ViewState& state) {
 ViewState viewStateFromJson(const std::string& text) {
   Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
-  // Of development builds; ignored.
-  if (json.is_object())
-    for (const char* name : {"tolerance", "outlines"}) json.erase(name);
+  dropOldFields(json);
   ViewState state;
   state.camera.distance = 0.0;
   fromJson(json, "", state);

@@ -23,15 +23,7 @@ Wishes measureControls(ViewSession& session) {
   ImGui::SameLine();
   toolButton("angle", Interaction::Tool::kAngle,
              "Click three points of the surface; the angle is at the second (A).");
-  toolButton("distance over the surface", Interaction::Tool::kSurfaceDistance,
-             "Click two points of the active surface: the length of the shortest way over it "
-             "(Shift+D).");
-  if (session.paths().busy()) {
-    ImGui::SameLine();
-    ImGui::ProgressBar(session.paths().progress());
-  }
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
-  const PathOf path_of = session.paths().asked();
   // They count on from one list to the next.
   auto rows = [number = 0](auto& list, const auto& textOf) mutable {
     std::optional<std::size_t> removed;
@@ -46,8 +38,7 @@ Wishes measureControls(ViewSession& session) {
     }
     if (removed) list.erase(list.begin() + static_cast<std::ptrdiff_t>(*removed));
   };
-  rows(state.measurements,
-       [&](const ViewMeasurement& of) { return measurementText(of, unit, path_of); });
+  rows(state.measurements, [&](const ViewMeasurement& of) { return measurementText(of, unit); });
   rows(state.piece_measures, [&](const ViewPieceMeasure& of) { return pieceText(of, unit); });
   if (!state.measurements.empty() || !state.piece_measures.empty()) {
     wishes.export_measurements = ImGui::Button("write CSV");

@@ -136,7 +136,7 @@ void OutputFiles::writeMeasurements(const std::string& path, const ViewSession& 
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
   const ViewState& state = session.state();
   const std::string csv =
-      measurementsCsv(state.measurements, unit, session.paths().asked()) +
+      measurementsCsv(state.measurements, unit) +
       pieceMeasuresCsv(state.piece_measures, state.measurements.size() + 1, unit);
   AtomicFile file(path);
   file.write(csv.data(), csv.size());

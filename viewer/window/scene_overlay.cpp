@@ -131,16 +131,9 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
   constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255);
   const auto draw = [&](const std::vector<glm::dvec3>& points, const std::string& text,
-                        const std::optional<glm::dvec2>& next, const FoundPath* found) {
+                        const std::optional<glm::dvec2>& next) {
     PixelPath path = pathOf(camera, interaction.size, points);
     if (path.points.empty()) return;
-    if (found != nullptr) {
-      const SeenPath way =
-          seenPathOf(camera, interaction.size, found->path.points, found->path.outwards);
-      path.lines = way.facing;
-      for (const auto& [from, to] : way.away)
-        list.AddLine(place(from), place(to), kInk, 1.0f * scale);
-    }
     if (next) path.lines.push_back({path.points.back(), *next});
     for (const auto& [width, ink] : {std::pair{4.0f, kPlate}, std::pair{2.0f, kInk}}) {
       for (const auto& [from, to] : path.lines)
@@ -156,14 +149,12 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
     list.AddText(at, kInk, text.c_str());
   };
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
-  const PathOf path_of = session.paths().asked();
   for (const ViewMeasurement& measurement : session.state().measurements)
-    draw(measurement.points, measurementText(measurement, unit, path_of), std::nullopt,
-         measurement.surface_isovalue ? path_of(measurement) : nullptr);
+    draw(measurement.points, measurementText(measurement, unit), std::nullopt);
   for (const ViewPieceMeasure& piece : session.state().piece_measures)
-    draw({piece.point}, pieceText(piece, unit), std::nullopt, nullptr);
+    draw({piece.point}, pieceText(piece, unit), std::nullopt);
   if (interaction.tool != Interaction::Tool::kPiece)
-    draw(interaction.picked, "", interaction.cursor, nullptr);
+    draw(interaction.picked, "", interaction.cursor);
 }
 
 // The box of the piece that is selected.

@@ -152,13 +152,10 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
       ImGui::SameLine();
     } else if (interaction.tool != Interaction::Tool::kNone) {
       const bool is_angle = interaction.tool == Interaction::Tool::kAngle;
-      const char* const what = is_angle ? "angle"
-                               : interaction.tool == Interaction::Tool::kSurfaceDistance
-                                   ? "distance over the surface"
-                                   : "distance";
       if (session.state().measurements.size() < kMostMeasurements)
         ImGui::TextColored(kWarningText, "%s: click point %zu of %d on the surface; Esc ends |",
-                           what, interaction.picked.size() + 1, is_angle ? 3 : 2);
+                           is_angle ? "angle" : "distance", interaction.picked.size() + 1,
+                           is_angle ? 3 : 2);
       else
         ImGui::TextColored(kWarningText, "a view has at most %zu measurements; remove one |",
                            kMostMeasurements);

@@ -138,29 +138,6 @@ TEST(DrawNotesTest, MarksFarAwayEndAtThePicture) {
   for (const float value : image.rgb) EXPECT_TRUE(std::isfinite(value));
 }
 
-// A path hides the straight line, and is thinner on the side that is turned away.
-TEST(DrawNotesTest, APathTakesThePlaceOfTheLine) {
-  const auto lit = [](const Image& image, int x) {
-    int count = 0;
-    for (int y = 0; y < image.height; ++y) count += greenAt(image, x, y) > 0.3f ? 1 : 0;
-    return count;
-  };
-  PictureNotes notes;
-  PictureMark& mark = notes.marks.emplace_back();
-  mark.points = {{-0.6, 1.0, 0.0}, {0.6, 1.0, 0.0}};
-  mark.path = {{-0.6, 1.0, 0.0}, {0.0, 1.0, 0.5}, {0.6, 1.0, 0.0}};
-  mark.outwards = {{0, -1, 0}, {0, -1, 0}, {0, -1, 0}};
-  Image facing = pictureOf(400, 400, 0.0f);
-  drawNotes(notes, PlacedCamera{}, 1.0, facing);
-  mark.outwards = {{0, 1, 0}, {0, 1, 0}, {0, 1, 0}};
-  Image away = pictureOf(400, 400, 0.0f);
-  drawNotes(notes, PlacedCamera{}, 1.0, away);
-  EXPECT_GE(lit(away, 150), 1);
-  EXPECT_GE(lit(facing, 150), lit(away, 150) + 1);
-  // The line through the middle is not there.
-  EXPECT_LT(greenAt(facing, 200, 200), 0.3f);
-}
-
 TEST(DrawNotesTest, NothingIsDrawnUnlessAsked) {
   Image image = pictureOf(50, 50, 0.3f);
   const std::vector<float> before = image.rgb;

@@ -27,46 +27,20 @@ TEST(MeasurementTest, DistancesAndAnglesAreThoseOfThePoints) {
   EXPECT_EQ((ViewMeasurement{{apex, apex, apex + u}}.value()), 0.0);
 }
 
-const FoundPath* noPath(const ViewMeasurement&) { return nullptr; }
-
 TEST(MeasurementTest, TextHasTheUnitIfItIsKnown) {
   const ViewMeasurement distance{{{0, 0, 0}, {0, 0, 12.3456}}};
-  EXPECT_EQ(measurementText(distance, LengthUnit::kMillimetre, noPath), "12.35 mm");
-  EXPECT_EQ(measurementText(distance, LengthUnit::kUnknown, noPath), "12.35");
-  EXPECT_EQ(measurementText({{{1, 0, 0}, {0, 0, 0}, {0, 1, 0}}}, LengthUnit::kUnknown, noPath),
-            "90.0°");
+  EXPECT_EQ(measurementText(distance, LengthUnit::kMillimetre), "12.35 mm");
+  EXPECT_EQ(measurementText(distance, LengthUnit::kUnknown), "12.35");
+  EXPECT_EQ(measurementText({{{1, 0, 0}, {0, 0, 0}, {0, 1, 0}}}, LengthUnit::kUnknown), "90.0°");
 }
 
 TEST(MeasurementTest, TheTableHasAllOfThem) {
   const std::vector<ViewMeasurement> both{{{{0, 0, 0}, {0, 0.5, 0}}},
                                           {{{1, 0, 0}, {0, 0, 0}, {0, 1, -2.25}}}};
-  EXPECT_EQ(measurementsCsv(both, LengthUnit::kMillimetre, noPath),
+  EXPECT_EQ(measurementsCsv(both, LengthUnit::kMillimetre),
             "number,kind,value,unit,x1,y1,z1,x2,y2,z2,x3,y3,z3\n"
             "1,distance,0.5,mm,0,0,0,0,0.5,0,,,\n"
             "2,angle,90,degrees,1,0,0,0,0,0,0,1,-2.25\n");
-}
-
-TEST(MeasurementTest, OverTheSurfaceItIsTheLengthOfThePath) {
-  const ViewMeasurement over{{{0, 0, 0}, {0, 3, 4}}, 500.0};
-  FoundPath found;
-  const auto path_of = [&](const ViewMeasurement& measurement) {
-    EXPECT_EQ(measurement, over);
-    return &found;
-  };
-  const std::string line = "number,kind,value,unit,x1,y1,z1,x2,y2,z2,x3,y3,z3\n1,surface_distance,";
-  const std::string points = ",mm,0,0,0,0,3,4,,,\n";
-  EXPECT_EQ(measurementText(over, LengthUnit::kMillimetre, noPath),
-            "looking for the way over the surface");
-  EXPECT_EQ(measurementsCsv({over}, LengthUnit::kMillimetre, noPath), line + points);
-  found.path.length = 7.5;
-  EXPECT_EQ(measurementText(over, LengthUnit::kMillimetre, path_of), "7.5 mm over the surface");
-  EXPECT_EQ(measurementsCsv({over}, LengthUnit::kMillimetre, path_of), line + "7.5" + points);
-  found.path.level = 2;
-  EXPECT_EQ(measurementText(over, LengthUnit::kUnknown, path_of),
-            "7.5 over the surface of level 2");
-  found.error = "no path";
-  EXPECT_EQ(measurementText(over, LengthUnit::kMillimetre, path_of), "no path");
-  EXPECT_EQ(measurementsCsv({over}, LengthUnit::kMillimetre, path_of), line + points);
 }
 
 class MeasuringTest : public ::testing::Test {
@@ -147,20 +121,6 @@ TEST_F(MeasuringTest, PointsBecomeMeasurementsAndCanBeTakenBack) {
   EXPECT_TRUE(interaction_.picked.empty());
   measureAt({0, 1, 0}, interaction_, state_);
   EXPECT_TRUE(interaction_.picked.empty());
-}
-
-TEST_F(MeasuringTest, OverTheSurfaceIsThatOfTheActiveOne) {
-  state_.surfaces.resize(2);
-  state_.surfaces[1].isovalue = 12.5;
-  state_.active_surface = 1;
-  key(Key::kD, true);
-  EXPECT_EQ(interaction_.tool, Interaction::Tool::kSurfaceDistance);
-  measureAt({1, 0, 0}, interaction_, state_);
-  measureAt({4, 4, 0}, interaction_, state_);
-  const ViewMeasurement over{{{1, 0, 0}, {4, 4, 0}}, 12.5};
-  EXPECT_EQ(state_.measurements, std::vector{over});
-  key(Key::kD, true);
-  EXPECT_EQ(interaction_.tool, Interaction::Tool::kNone);
 }
 
 TEST_F(MeasuringTest, ThereAreNoMoreThanAView) {

@@ -42,7 +42,7 @@ ViewState fullState() {
   for (ViewSurface& surface : state.surfaces)
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
   state.piece_measures = {{1.0, 2, 3.0, 4.0, {5, 6, 7}, {8, 9, 10}, {11, 12, 13}, {14, 15, 16}}};
-  state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}, 7.0}};
+  state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}}};
   state.mesh_distance = 0.75;
   state.wireframe = true;
   state.show_box = false;
@@ -128,8 +128,8 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
   EXPECT_EQ(refusal("[]"), "the view's 'view' is not an object");
   const std::pair<const char*, const char*> cases[] = {
       {R"({"wirefram": true})", "wirefram"},
-      {R"({"measurements": [{"points": [[0, 0, 0], [1, 0, 0], [2, 0, 0]], "surface_isovalue": 1}]})",
-       "measurements"},
+      {R"({"measurements": [{"points": [[0, 0, 0]]}]})", "measurements"},
+      {R"({"measurements": [3]})", "measurements[0]"},
       {R"({"camera": {"distance": "far"}})", "camera.distance"},
       {R"({"camera": {"distance": -1}})", "camera.distance"},
       {R"({"camera": {"vertical_fov": 400}})", "camera.vertical_fov"},
@@ -170,6 +170,17 @@ TEST(ViewStateTest, TheActiveSurfaceStaysSoWhenAnotherOneGoes) {
 TEST(ViewStateTest, AToleranceAndOutlinesAreIgnored) {
   EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "tolerance": 3, "outlines": true})"),
             viewStateFromJson(R"({"wireframe": true})"));
+}
+
+// Earlier builds measured over the surface, too; a straight distance in its place would be wrong.
+TEST(ViewStateTest, DistancesOverTheSurfaceAreLeftOut) {
+  const ViewState state = viewStateFromJson(R"({"measurements": [
+      {"points": [[0, 0, 0], [1, 0, 0]], "surface_isovalue": null},
+      {"points": [[0, 0, 0], [2, 0, 0]], "surface_isovalue": 0},
+      {"points": [[0, 0, 0], [3, 0, 0]]}]})");
+  ASSERT_EQ(state.measurements.size(), 2u);
+  EXPECT_EQ(state.measurements[0].value(), 1.0);
+  EXPECT_EQ(state.measurements[1].value(), 3.0);
 }
 
 TEST(ViewStateTest, BoundsPutEverythingIntoTheVolume) {
