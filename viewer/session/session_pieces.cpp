@@ -50,8 +50,7 @@ void ViewSession::updatePieces(double seconds) {
   pieces_.update();
   colored_by_.resize(isovalues.empty() ? 0 : state_.surfaces.size());
   for (std::size_t s = 0; s < colored_by_.size(); ++s)
-    if (auto listed = pieces_.wanted(state_.surfaces[s].isovalue))
-      colored_by_[s] = std::move(listed);
+    colored_by_[s] = pieces_.wanted(state_.surfaces[s].isovalue);
 }
 
 std::vector<ColoredPieces> ViewSession::coloredPieces() const {

@@ -213,7 +213,7 @@ class ViewSession {
     std::optional<glm::dvec3> point;
   };
   std::optional<UnderCursor> under_cursor_;
-  // By surface; one of another isovalue until the right one is there. Empty: no colours of pieces.
+  // By surface; null until it is there. Empty: no colours of pieces.
   std::vector<std::shared_ptr<const ListedComponents>> colored_by_;
   bool hides_no_more_ = false;  // the last piece to be hidden was one too many
 

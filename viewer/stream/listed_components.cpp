@@ -6,7 +6,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
-#include <limits>
+#include <span>
 #include <utility>
 
 #include "isobrick/extract/sinks/batch_components.h"
@@ -15,25 +15,20 @@
 namespace isobrick {
 namespace {
 
-// Beside the components it finds what is near where, and gives up beyond a number of triangles.
+// Gives up beyond a number of triangles.
 class ListingFinder : public ComponentFinder {
  public:
-  ListingFinder(const Query& query, std::uint64_t most_triangles, NearComponents& near)
-      : ComponentFinder(query), most_triangles_(most_triangles), near_(near) {}
+  ListingFinder(const Query& query, std::uint64_t most_triangles)
+      : ComponentFinder(query), most_triangles_(most_triangles) {}
 
   void prepare(PlacedBatch& placed) override {
     const std::uint64_t triangles = triangles_ += placed.batch.triangles.size() / 3;
     if (most_triangles_ > 0 && triangles > most_triangles_) throw TooManyTriangles{triangles};
     ComponentFinder::prepare(placed);
   }
-  void write(PlacedBatch& placed) override {
-    ComponentFinder::write(placed);
-    near_.add(placed.batch, placed.numbers);
-  }
 
  private:
   const std::uint64_t most_triangles_;
-  NearComponents& near_;
   std::atomic<std::uint64_t> triangles_{0};
 };
 
@@ -95,14 +90,12 @@ ListedComponents::ListedComponents(Extractor& extractor, const Pyramid& pyramid,
       isovalue_(wanted.isovalue),
       level_(wanted.level),
       geometry_(pyramid.spec().geometry),
-      layout_(pyramid.layout()),
-      near_(wanted.level) {
+      layout_(pyramid.layout()) {
   Query query = queryOfLevel(isovalue_, level_, wanted.cancel);
   query.fraction_done = wanted.fraction_done;
-  ListingFinder finder(query, wanted.most_triangles, near_);
+  ListingFinder finder(query, wanted.most_triangles);
   extractor.extract(query, finder);
   components_ = finder.take();
-  near_.finish(components_);
 }
 
 // Brick by brick, the nearest first, until the rest is further away than what was found.
@@ -167,37 +160,15 @@ ChosenComponents ListedComponents::chosen(Extractor& extractor, const PieceChoic
 }
 
 void ListedNumbers::find(const MeshBatch& batch, std::vector<std::uint32_t>& numbers) const {
-  constexpr std::size_t kMostVotes = 16;  // of a component of the batch
-  const std::size_t count = labelComponents(batch, numbers);
-  std::vector<std::uint32_t> of_label(count, kNoComponent);
-  const auto places = listed_.components_.ofBatch(batch);
-  if (isovalue_ == listed_.isovalue_ && batch.is_uniform && batch.level == listed_.level_ &&
-      places.size() == count) {
-    std::ranges::copy(places, of_label.begin());
-  } else {
-    std::vector<std::size_t> vertices(count, 0), seen(count, 0);
-    for (const std::uint32_t label : numbers) ++vertices[label];
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> votes;  // label and number
-    const double reach = std::ldexp(1.0, std::max(batch.level, listed_.level_));
-    for (std::size_t v = 0; v < numbers.size(); ++v) {
-      const std::uint32_t label = numbers[v];
-      if (seen[label]++ % (vertices[label] / kMostVotes + 1) != 0) continue;
-      const std::uint32_t number =
-          listed_.near_.at(glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]), reach);
-      if (number != kNoComponent) votes.emplace_back(label, number);
-    }
-    std::ranges::sort(votes);
-    std::vector<std::ptrdiff_t> most(count, 0);
-    for (auto vote = votes.begin(); vote != votes.end();) {
-      const auto end = std::upper_bound(vote, votes.end(), *vote);
-      if (end - vote > most[vote->first]) {
-        most[vote->first] = end - vote;
-        of_label[vote->first] = vote->second;
-      }
-      vote = end;
-    }
+  if (!batch.is_uniform || batch.level != listed_.level_) {
+    numbers.assign(batch.positions.size(), kNoComponent);
+    return;
   }
-  for (std::uint32_t& number : numbers) number = of_label[number];
+  const std::uint32_t count = labelComponents(batch, numbers);
+  const std::span<const std::uint32_t> places = listed_.components_.ofBatch(batch);
+  if (places.size() != count)
+    throw Error("the surface has pieces that were not there when they were listed");
+  for (std::uint32_t& number : numbers) number = places[number];
 }
 
 std::shared_ptr<const ListedComponents> KnownComponents::find(double isovalue, int level) {

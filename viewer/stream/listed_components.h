@@ -16,7 +16,6 @@
 #include "isobrick/extract/sinks/component_choice.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/stream/near_components.h"
 
 namespace isobrick {
 
@@ -46,7 +45,7 @@ class ListedComponents {
   const SurfaceComponents& components() const { return components_; }
   // The largest area first.
   const std::vector<SurfaceComponent>& list() const { return components_.list(); }
-  std::uint64_t bytes() const { return components_.bytes() + near_.bytes(); }
+  std::uint64_t bytes() const { return components_.bytes(); }
 
   // For every point the component that is nearest to it, as ComponentFinder finds it; only bricks
   // around the points are meshed. `extractor`: of the same pyramid. Throws as execute() does.
@@ -68,22 +67,18 @@ class ListedComponents {
   const GridGeometry geometry_;
   const BrickLayout layout_;
   SurfaceComponents components_;
-  NearComponents near_;
 };
 
-// The numbers of a list for the vertices of other meshes near its surface. A brick whose leaves,
-// and all that touch them, are of the list's level has the same components at the same isovalue;
-// any other component of a batch has the number that most of its vertices are nearest to.
+// The numbers of a list for the vertices of other meshes of its isovalue. A brick whose leaves, and
+// all that touch them, are of the list's level has the same components; others have no numbers.
 class ListedNumbers : public ComponentNumbers {
  public:
-  // `isovalue`: of the batches. The list outlives it.
-  ListedNumbers(const ListedComponents& listed, double isovalue)
-      : listed_(listed), isovalue_(isovalue) {}
+  // The list outlives it.
+  explicit ListedNumbers(const ListedComponents& listed) : listed_(listed) {}
   void find(const MeshBatch& batch, std::vector<std::uint32_t>& numbers) const override;
 
  private:
   const ListedComponents& listed_;
-  const double isovalue_;
 };
 
 // The lists of a pyramid that were used last, shared by all that use them. Thread-safe.

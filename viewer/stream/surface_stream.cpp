@@ -388,7 +388,7 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
   if (!has_all) {
     report = extractPieces(surface, query, attempt.most_triangles, sink, streamed);
   } else if (listed != nullptr) {
-    const ListedNumbers numbers(*listed, query.isovalue);
+    const ListedNumbers numbers(*listed);
     ComponentNumbering numbering(numbers, sink);
     report = extractor_.extract(query, numbering);
     noteLargest(std::vector<std::uint8_t>(listed->list().size(), 1), streamed);
@@ -426,7 +426,7 @@ ExtractionReport SurfaceStream::extractPieces(const StreamPass::SurfaceQuery& su
     if (colors != nullptr)
       noteLargest(colors->chosen(extractor_, surface.pieces, query.cancel).is_kept, streamed);
   };
-  if (colors != nullptr) numbers.emplace(*colors, query.isovalue);
+  if (colors != nullptr) numbers.emplace(*colors);
   const std::optional<int> level = onlyLevelOf(query);
   if (!level) {
     noteLargestOfColors();

@@ -50,8 +50,8 @@ struct StreamPass {
     int surface = 0;          // its number in the scene; the caller's choice, one query each
     Query query;              // its `cancel`, `is_progressive` and `has_brick` are the stream's own
     PieceChoice pieces = {};  // of the surface; the others are left out
-    // Whose places colour the vertices, with StreamValues::What::kComponent; of the same surface,
-    // or of one that is close to it. Null: they have none.
+    // Whose places colour the vertices in bricks of its level, with StreamValues::What::kComponent;
+    // of the same isovalue. Null: they have none.
     std::shared_ptr<const ListedComponents> listed = {};
   };
   double radius = 0.0;                 // of the queries, voxels; for the caller alone

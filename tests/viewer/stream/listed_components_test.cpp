@@ -131,40 +131,23 @@ std::uint32_t ballAt(const glm::dvec3& voxel, double isovalue) {
   return large <= small ? 0 : 1;
 }
 
-TEST(ListedComponents, NumbersTheBallsOfOtherLevelsFocusesAndIsovalues) {
+TEST(ListedComponents, NumbersTheBallsAndNothingCoarser) {
   const TemporaryFolder folder;
   const auto pyramid = openTwoBalls(folder);
   Extractor extractor(*pyramid);
   const ListedComponents listed(extractor, *pyramid, {0.0, 0});
-  for (const double isovalue : {0.0, 1.5, -1.0})
-    for (int detail = 0; detail < 6; ++detail) {
-      SCOPED_TRACE(std::to_string(isovalue) + " detail " + std::to_string(detail));
-      Query query;
-      query.isovalue = isovalue;
-      if (detail > 0 && detail < 4) query.uniform_level = detail;
-      if (detail == 4) query.focus = FocusSphere{kSmall, 8};
-      if (detail == 5) query.focus = FocusSphere{{10, 30, 30}, 20};
-      NumberedVertices vertices;
-      const ListedNumbers numbers(listed, isovalue);
-      ComponentNumbering numbering(numbers, vertices);
-      extractor.extract(query, numbering);
-      EXPECT_TRUE(vertices.are_flat);
-      std::set<std::uint32_t> seen;
-      for (const auto& vertex : vertices.vertices) {
-        seen.insert(vertex.number);
-        ASSERT_EQ(vertex.number, ballAt(vertex.voxel, isovalue));
-      }
-      EXPECT_EQ(seen.size(), 2u);
-    }
-  // Nothing is near: the middle of the large ball is 22 voxels away from its surface.
-  Query inner;
-  inner.isovalue = 20.0;
-  NumberedVertices vertices;
-  const ListedNumbers numbers(listed, inner.isovalue);
-  ComponentNumbering numbering(numbers, vertices);
-  extractor.extract(inner, numbering);
-  ASSERT_FALSE(vertices.vertices.empty());
-  for (const auto& vertex : vertices.vertices) ASSERT_EQ(vertex.number, kNoComponent);
+  const ListedNumbers numbers(listed);
+  for (int level = 0; level < 3; ++level) {
+    SCOPED_TRACE("level " + std::to_string(level));
+    Query query;
+    query.uniform_level = level;
+    NumberedVertices vertices;
+    ComponentNumbering numbering(numbers, vertices);
+    extractor.extract(query, numbering);
+    ASSERT_FALSE(vertices.vertices.empty());
+    for (const auto& vertex : vertices.vertices)
+      ASSERT_EQ(vertex.number, level == 0 ? ballAt(vertex.voxel, 0.0) : kNoComponent);
+  }
 }
 
 // In bricks that are all of the list's level, whatever is around them.
@@ -188,13 +171,14 @@ TEST(ListedComponents, NumbersBricksOfItsOwnLevelExactly) {
     query.focus =
         FocusSphere{glm::dvec3(pyramid.spec().voxels / Index3(2)), volume.random.real(4, 20)};
     NumberedVertices vertices;
-    const ListedNumbers numbers(listed, query.isovalue);
+    const ListedNumbers numbers(listed);
     ComponentNumbering numbering(numbers, vertices);
     extractor.extract(query, numbering);
     EXPECT_TRUE(vertices.are_flat);
     for (const auto& vertex : vertices.vertices) {
       const auto same = expected.find({vertex.voxel.x, vertex.voxel.y, vertex.voxel.z});
-      if (!vertex.is_uniform || same == expected.end()) continue;
+      if (vertex.number == kNoComponent || same == expected.end()) continue;
+      ASSERT_TRUE(vertex.is_uniform);
       ASSERT_EQ(vertex.number, same->second);
       ++compared;
     }
@@ -267,7 +251,7 @@ TEST(SurfaceStreamColours, ChunksOfAnotherListAreMadeAgain) {
   const auto first =
       std::make_shared<const ListedComponents>(extractor, *pyramid, ListingQuery{0.0, 0});
   const auto second =
-      std::make_shared<const ListedComponents>(extractor, *pyramid, ListingQuery{0.5, 0});
+      std::make_shared<const ListedComponents>(extractor, *pyramid, ListingQuery{0.0, 0});
   KeepingRenderer renderer;
   SurfaceSet set(renderer, std::uint64_t{1} << 30);
   SurfaceStream stream(pyramid, 2);
