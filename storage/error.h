@@ -35,7 +35,6 @@ enum class Remedy {
   kBuildWithCurvature,  // BuildOptions::with_curvature
   kChooseComponent,     // OpenOptions::component
   kWholeFloats,         // ExportOptions::vdb_half
-  kReplaceDataset,      // ExportOptions::replace_dataset
   kPackMesh,            // MeshFileOptions::meshopt
   kChooseStack,         // OpenOptions::grid
   kChooseTime,          // OpenOptions::time

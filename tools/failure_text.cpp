@@ -47,8 +47,6 @@ Texts advicesOf(Remedy remedy) {
     case Remedy::kWholeFloats:
       return {"leave out --half, or bring the values into range with --window LO,HI and --type T",
               "write whole floats"};
-    case Remedy::kReplaceDataset:
-      return {"replace it with --force", "move the file away"};
     case Remedy::kPackMesh:
       return {"pack it with --meshopt", "extract less"};
     case Remedy::kChooseStack:

@@ -48,7 +48,6 @@ const char* adviceOf(Remedy remedy) {
     case Remedy::kBeginAnew:
     case Remedy::kDicomAsFloat32:
     case Remedy::kWholeFloats:
-    case Remedy::kReplaceDataset:
       return nullptr;
   }
   return nullptr;

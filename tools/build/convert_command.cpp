@@ -196,7 +196,6 @@ Converted convert(const ConvertArguments& arguments) {
     options.progress = [&](double share) { bar.show("convert", share); };
     options.memory_bytes = arguments.build.memory_bytes;
     options.before_publishing = [&] { input.checkContent(); };
-    options.replace_dataset = arguments.force;
     const std::uint64_t held = source.bufferBytes();
     constexpr std::uint64_t kLeast = std::uint64_t{8} << 20;
     if (held > options.memory_bytes || options.memory_bytes - held < kLeast)

@@ -35,11 +35,10 @@ void refuseConvertOutput(const std::string& output, const std::vector<std::strin
                          bool force) {
   std::vector<std::string> files;
   std::transform(inputs.begin(), inputs.end(), std::back_inserter(files), fileOf);
-  if (isHdf5Name(output)) return refuseReplacing({fileOf(output)}, files, true);
-  const fs::path path(output);
+  const fs::path path(fileOf(output));
   const std::string name = path.filename().string();
   const bool has_slices = name.find('%') != std::string::npos && path.has_parent_path();
-  const std::string place = has_slices ? path.parent_path().string() : output;
+  const std::string place = has_slices ? path.parent_path().string() : path.string();
   if (isFolder(place))
     refuseReplacingFolder({place}, files, force, [&](const std::string& folder) {
       return holdsNothingElse(folder, has_slices ? name : "");

@@ -7,8 +7,8 @@
 namespace isobrick {
 
 // The rule of tools/output_check.h for all that convert writes: files, and folders of slices or of
-// OME-Zarr, which are replaced with `force` if nothing else is in them. An HDF5 file may exist; its
-// writer checks the dataset. `inputs`: the names that the user gave, and all their files.
+// OME-Zarr, which are replaced with `force` if nothing else is in them. `inputs`: the names that
+// the user gave, and all their files.
 void refuseConvertOutput(const std::string& output, const std::vector<std::string>& inputs,
                          bool force);
 

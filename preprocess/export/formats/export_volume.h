@@ -18,8 +18,6 @@ using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
 // How a volume is written, with the choices that some formats have beside.
 struct ExportOptions : VolumeWriteOptions {
-  // HDF5: a dataset of that name is replaced; otherwise it is an Error.
-  bool replace_dataset = true;
   // OpenVDB: the value of voxels that are not stored; without it that of the VDB file the volume
   // came from, or 0. Values no further from it than the tolerance are not stored either.
   std::optional<float> vdb_background;
@@ -41,10 +39,10 @@ struct ExportOptions : VolumeWriteOptions {
 //   .precomputed  Neuroglancer's precomputed volume, a folder: scales of its own
 // docs/FORMATS.md says what each format keeps. Several levels are refused if the format has one.
 //
-// The output appears under its name when it is whole; a file of that name is replaced, and of an
-// HDF5 file the dataset alone. Throws Error for other endings, for formats that this build of
-// isobrick leaves out, for a memory bound that is too small (Remedy::kAllowMoreMemory; before
-// anything is written), for failed writes, and whatever the sources throw; Cancelled.
+// The output appears under its name when it is whole; a file of that name is replaced. Throws Error
+// for other endings, for formats that this build of isobrick leaves out, for a memory bound that is
+// too small (Remedy::kAllowMoreMemory; before anything is written), for failed writes, and whatever
+// the sources throw; Cancelled.
 VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options);
 

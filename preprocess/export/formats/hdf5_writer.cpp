@@ -1,11 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <optional>
 #include <vector>
 
 #include "isobrick/preprocess/export/formats/format_writers.h"
-#include "isobrick/preprocess/export/formats/hdf5_original.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/path_error.h"
@@ -50,14 +48,12 @@ std::array<hsize_t, 3> slowestFirst(const Index3& v) {
 
 class Hdf5Writer {
  public:
-  // `file` is its path, `path` the user's text. If the file `is_there` it gets one more dataset,
-  // and loses one of that name if that may be replaced.
-  Hdf5Writer(const std::string& file, bool is_there, const std::string& path,
-             const std::string& dataset, bool replace, const VolumeInfo& info)
+  // `file` is its path, `path` the user's text.
+  Hdf5Writer(const std::string& file, const std::string& path, const std::string& dataset,
+             const VolumeInfo& info)
       : path_(path), info_(info) {
     const Hdf5Call call;
-    file_ = Hdf5Handle(openFile(file, is_there), H5Fclose);
-    if (is_there) makeRoomFor(dataset, replace);
+    file_ = Hdf5Handle(createFile(file), H5Fclose);
     dataset_ = Hdf5Handle(createDataset(dataset), H5Dclose);
     if (!dataset_.isValid()) throw failed();
     const GridGeometry& geometry = info.geometry;
@@ -93,53 +89,11 @@ class Hdf5Writer {
                           {.path = path_});
   }
 
-  Error refused(const std::string& why) const {
-    return unwritable(path_, why + "; choose another dataset");
-  }
-
-  hid_t openFile(const std::string& file, bool is_there) const {
+  static hid_t createFile(const std::string& file) {
     // AtomicFile holds the lock of the file already.
     const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     H5Pset_file_locking(access.id(), false, true);
-    if (!is_there) return H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id());
-    const hid_t opened = H5Fopen(file.c_str(), H5F_ACC_RDWR, access.id());
-    if (opened < 0)
-      throw unwritable(path_,
-                       "the file is there, and HDF5 cannot add to it: it is no HDF5 file, is "
-                       "damaged, or was not closed by its writer; choose another file");
-    return opened;
-  }
-
-  // Links may lead to another file, which is not to be touched.
-  bool isInThisFile(hid_t object) const {
-    const auto nameOf = [](hid_t id) {
-      std::string name(static_cast<std::size_t>(std::max<ssize_t>(H5Fget_name(id, nullptr, 0), 0)),
-                       ' ');
-      H5Fget_name(id, name.data(), name.size() + 1);
-      return name;
-    };
-    return nameOf(object) == nameOf(file_.id());
-  }
-
-  // Removes the object with the name of the dataset, if it may be replaced.
-  void makeRoomFor(const std::string& dataset, bool replace) const {
-    for (std::size_t slash = 0; slash != std::string::npos;) {
-      slash = dataset.find('/', slash + 1);
-      const std::string name = dataset.substr(0, slash);
-      if (H5Lexists(file_.id(), name.c_str(), H5P_DEFAULT) <= 0) return;
-      const Hdf5Handle object(H5Oopen(file_.id(), name.c_str(), H5P_DEFAULT), H5Oclose);
-      const bool is_group = object.isValid() && H5Iget_type(object.id()) == H5I_GROUP;
-      if (slash != std::string::npos) {
-        if (!is_group) throw refused(name + " is there and is no group");
-        if (!isInThisFile(object.id())) throw refused(name + " lies in another file");
-        continue;
-      }
-      if (is_group) throw refused(name + " is a group");
-      if (!replace)
-        throw Error("'" + path_ + "' exists already; choose another dataset", {.path = path_},
-                    {Remedy::kReplaceDataset});
-    }
-    if (H5Ldelete(file_.id(), dataset.c_str(), H5P_DEFAULT) < 0) throw failed();
+    return H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id());
   }
 
   hid_t createDataset(const std::string& name) {
@@ -180,10 +134,8 @@ class Hdf5Writer {
   Hdf5Handle file_, dataset_;
 };
 
-// Whole chunks: none is packed twice. As many of a layer at a time as memory allows. Calls `tick`
-// with the share that is done.
-void writeChunks(const VolumeSource& source, const ExportOptions& options, Hdf5Writer& writer,
-                 const std::function<void(double)>& tick) {
+// Whole chunks: none is packed twice. As many of a layer at a time as memory allows.
+void writeChunks(const VolumeSource& source, const ExportOptions& options, Hdf5Writer& writer) {
   const Index3& voxels = source.info().voxels;
   const std::size_t voxel_bytes = voxelBytes(source.info().voxel_type);
   const std::uint64_t column_bytes = kChunkVoxels * kChunkVoxels * kChunkVoxels * voxel_bytes;
@@ -202,10 +154,11 @@ void writeChunks(const VolumeSource& source, const ExportOptions& options, Hdf5W
         source.readBox(box, part.data());
         writer.write(box, part.data());
       }
+      if (!options.progress) continue;
       const double rows =
           static_cast<double>(std::min(y + kChunkVoxels, voxels.y)) / static_cast<double>(voxels.y);
       const double slices = static_cast<double>(std::min(kChunkVoxels, voxels.z - z));
-      tick((static_cast<double>(z) + slices * rows) / static_cast<double>(voxels.z));
+      options.progress((static_cast<double>(z) + slices * rows) / static_cast<double>(voxels.z));
     }
 }
 
@@ -230,26 +183,14 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   const std::string dataset =
       colon == std::string::npos ? "/volume" : plainName(path.substr(colon + 1));
   if (dataset.empty()) throw unwritable(path, "it names no dataset; write file.h5:/name");
-  const std::string name = isLink(named) ? canonicalPath(named).string() : named;
-  const std::optional<Hdf5Original> original = Hdf5Original::open(name);
-  AtomicFile file(name);
-  makeReadBoxes(levels.front(), folderOf(name), options);
+  AtomicFile file(named);
+  makeReadBoxes(levels.front(), folderOf(named), options);
   const VolumeSource& source = *levels.front();
-  const double copied = original ? static_cast<double>(original->bytes()) : 0;
-  const double total = copied + static_cast<double>(volumeBytes(source.info()));
-  if (original)
-    original->copyTo(file, options.cancel, [&](std::uint64_t bytes) {
-      if (options.progress) options.progress(static_cast<double>(bytes) / total);
-    });
-  Hdf5Writer writer(file.temporaryPath(), original.has_value(), path, dataset,
-                    options.replace_dataset, source.info());
-  writeChunks(source, options, writer, [&](double share) {
-    if (options.progress) options.progress((copied + share * (total - copied)) / total);
-  });
+  Hdf5Writer writer(file.temporaryPath(), path, dataset, source.info());
+  writeChunks(source, options, writer);
   writer.finish();
   report.bytes = fileBytes(file.temporaryPath());
   if (options.before_publishing) options.before_publishing();
-  if (original) original->refuseChanged();
   file.commit(options.cancel);
   return report;
 }

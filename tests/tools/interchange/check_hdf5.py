@@ -27,32 +27,6 @@ def test_all_types_are_the_same_for_h5py_and_for_us():
             expect_placed(about, rotation())
 
 
-def test_a_dataset_goes_into_a_file_of_which_all_else_stays():
-    write_nrrd("other.nrrd", voxels("u8"))
-    run("convert", "other.nrrd", "-o", "out.h5:/entry/data")
-    theirs = np.arange(24.0).reshape(2, 3, 4)
-    with h5py.File("results.h5", "w", libver="latest") as file:
-        file.attrs["experiment"] = "seven"
-        file["entry/theirs"] = theirs
-        file["entry/theirs"].attrs["unit"] = "counts"
-        file["entry/soft"] = h5py.SoftLink("/entry/theirs")
-        file["entry/elsewhere"] = h5py.ExternalLink("out.h5", "/entry")
-    for seed, words in ((1, ()), (2, ("--force",))):
-        values = voxels("u16", seed=seed)
-        write_nrrd("in.nrrd", values, rotation())
-        run("convert", "in.nrrd", "-o", "results.h5:/entry/ours", *words)
-        with h5py.File("results.h5") as file:
-            expect_same(file["entry/ours"][...], values)
-            expect_same(file["entry/theirs"][...], theirs)
-            assert sorted(file["entry"]) == ["elsewhere", "ours", "soft", "theirs"]
-            assert file.attrs["experiment"] == "seven"
-            assert file["entry/soft"].attrs["unit"] == "counts"
-    run("convert", "in.nrrd", "-o", "results.h5:/entry/elsewhere/data", "--force",
-        fails_with="in another file")
-    with h5py.File("results.h5", "a"):
-        run("convert", "in.nrrd", "-o", "results.h5:/more", fails_with="open for writing")
-
-
 def test_their_chunks_filters_and_types_are_read():
     values = voxels("i16")
     for options in (
