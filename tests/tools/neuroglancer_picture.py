@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Pictures of a volume and its meshes by Neuroglancer itself, in a Chromium without a window.
 
-    isobrick convert scan.isb -o scan.precomputed
+    isobrick convert scan.isb --levels all -o scan.ome.zarr
     isobrick extract scan.isb --iso 1250 -o bone.precomputed
-    neuroglancer_picture.py scan.precomputed bone.precomputed OUT.png [VOXELS_ACROSS [SURFACE_ONLY]]
+    neuroglancer_picture.py scan.ome.zarr bone.precomputed OUT.png [VOXELS_ACROSS [SURFACE_ONLY]]
 
-Needs Debian's chromium and, from PyPI, neuroglancer.
+Needs Debian's chromium and, from PyPI, neuroglancer and zarr.
 """
 
 import functools
@@ -18,7 +18,7 @@ import tempfile
 import threading
 
 import neuroglancer
-import numpy as np
+import zarr
 
 
 class Files(http.server.SimpleHTTPRequestHandler):
@@ -51,27 +51,28 @@ def serve(folder):
     handler = functools.partial(Files, directory=folder)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    return f"precomputed://http://127.0.0.1:{server.server_port}"
+    return f"http://127.0.0.1:{server.server_port}"
 
 
 def main():
     volume, meshes, out = sys.argv[1:4]
     across = float(sys.argv[4]) if len(sys.argv) > 4 else 400.0
     surface_only = len(sys.argv) > 5
-    with open(f"{volume}/info") as file:
-        info = json.load(file)
-    scale, coarsest = info["scales"][0], f"{volume}/{info['scales'][-1]['key']}"
-    values = np.fromfile(f"{coarsest}/{os.listdir(coarsest)[0]}", info["data_type"])
+    image = zarr.open_group(volume, mode="r")
+    levels = image.attrs["multiscales"][0]["datasets"]
+    values = image[levels[-1]["path"]][:]
+    spacing = levels[0]["coordinateTransformations"][0]["scale"]
     shader = f"#uicontrol invlerp grey(range=[{values.min()}, {values.max()}])\nvoid main() {{ emitGrayscale(grey()); }}"
     with open(f"{meshes}/segment_properties/info") as file:
         segments = [int(i) for i in json.load(file)["inline"]["ids"]]
     neuroglancer.set_server_bind_address("127.0.0.1")
     viewer = neuroglancer.Viewer()
     with viewer.txn() as state:
-        state.dimensions = neuroglancer.CoordinateSpace(names="xyz", units="nm", scales=scale["resolution"])
-        state.layers["volume"] = neuroglancer.ImageLayer(source=serve(volume), shader=shader)
-        state.layers["meshes"] = neuroglancer.SegmentationLayer(source=serve(meshes), segments=segments)
-        state.position = [n / 2 for n in scale["size"]]
+        state.dimensions = neuroglancer.CoordinateSpace(names="xyz", units="mm", scales=spacing[::-1])
+        state.layers["volume"] = neuroglancer.ImageLayer(source=f"zarr://{serve(volume)}", shader=shader)
+        state.layers["meshes"] = neuroglancer.SegmentationLayer(
+            source=f"precomputed://{serve(meshes)}", segments=segments)
+        state.position = [n / 2 for n in image[levels[0]["path"]].shape[::-1]]
         state.layout = "3d" if surface_only else "4panel"
         state.show_slices = False
         state.show_default_annotations = not surface_only

@@ -319,11 +319,10 @@ Command addConvertCommand(CLI::App& app) {
       ->type_name("PATH")
       ->required();
   beginGroup(*sub, kOutputGroup);
-  sub->add_option(
-         "-o,--output", arguments->output,
-         "Output; the ending says the format: .isb, .nrrd, .mhd, .mha, .nii, "
-         ".nii.gz, .vti, .vdb, .ome.zarr, .precomputed, .h5 (or file.h5:/path), .tif, .raw, or "
-         "slices: folder/%04d.exr, folder/%04d.tif")
+  sub->add_option("-o,--output", arguments->output,
+                  "Output; the ending says the format: .isb, .nrrd, .mhd, .mha, .nii, "
+                  ".nii.gz, .vti, .vdb, .ome.zarr, .h5 (or file.h5:/path), .tif, .raw, or "
+                  "slices: folder/%04d.exr, folder/%04d.tif")
       ->type_name("OUT")
       ->required();
   CLI::Option* const level = addLevelOption(*sub, arguments->level, 20);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/file_system.h"
@@ -17,7 +16,7 @@ namespace fs = std::filesystem;
 
 // `pattern`: of the slices in it, or empty.
 bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
-  if (pattern.empty()) return isZarrFolder(folder) || holdsPrecomputedVolume(folder);
+  if (pattern.empty()) return isZarrFolder(folder);
   const auto slices = parseNumberedName(pattern);
   return slices && holdsNothingBut(folder, [&](const FolderMember& entry) {
            return entry.isRegularFile() && slices->matches(entry.name());

@@ -55,10 +55,7 @@ const OptionFit kFits[] = {
       "--with-ranges", "--with-curvature"},
      ".vdb",
      {".vdb"}},
-    {Side::kOutput,
-     {"--lossy"},
-     ".vdb, .precomputed and slices of .exr",
-     {".vdb", ".precomputed", ".exr"}},
+    {Side::kOutput, {"--lossy"}, ".vdb and slices of .exr", {".vdb", ".exr"}},
     {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
     {Side::kOutput, {"--codec", "--no-curvature"}, ".isb", {".isb"}},
 };

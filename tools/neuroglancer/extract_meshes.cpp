@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -12,6 +11,7 @@
 #include "tools/line_words.h"
 #include "tools/loss_warnings.h"
 #include "tools/measured_sink.h"
+#include "tools/neuroglancer/neuroglancer_info.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
 #include "tools/progress_bar.h"

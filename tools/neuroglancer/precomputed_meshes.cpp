@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "isobrick/preprocess/export/atomic_folder.h"
-#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "tools/neuroglancer/fragment_sink.h"
+#include "tools/neuroglancer/neuroglancer_info.h"
 
 namespace isobrick {
 namespace {

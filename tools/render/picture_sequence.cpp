@@ -9,7 +9,6 @@
 #include <sstream>
 
 #include "isobrick/preprocess/export/atomic_folder.h"
-#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"

@@ -41,11 +41,8 @@ constexpr ExportFormat kFormats[] = {
 #else
     {".exr", false, false, "OpenEXR", nullptr},
 #endif
-    {".tif", false, true, "libtiff", writeTiff},
-    {".tiff", false, true, "libtiff", writeTiff},
-    {".ome.zarr", true, true, "Blosc", writeOmeZarr},
-    {".zarr", true, true, "Blosc", writeOmeZarr},
-    {".precomputed", false, false, "", writePrecomputed},
+    {".tif", false, true, "libtiff", writeTiff},       {".tiff", false, true, "libtiff", writeTiff},
+    {".ome.zarr", true, true, "Blosc", writeOmeZarr},  {".zarr", true, true, "Blosc", writeOmeZarr},
 };
 
 // "file.h5:/path" names a dataset of a file.
@@ -88,10 +85,10 @@ void refuseUnknownExport(const std::string& path, bool has_levels) {
     throw unwritable(path, std::string("this isobrick was built without ") + format->library +
                                "; build it anew with that, or choose another format");
   if (format == nullptr && !isPlainVolumeName(path))
-    throw unwritable(path,
-                     "its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, "
-                     ".precomputed, .exr, "
-                     ".tif, .nrrd, .mhd, .mha, .nii, .nii.gz, .vti, .raw); choose one of them");
+    throw unwritable(
+        path,
+        "its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, .exr, "
+        ".tif, .nrrd, .mhd, .mha, .nii, .nii.gz, .vti, .raw); choose one of them");
   if (has_levels && (format == nullptr || !format->has_levels))
     throw Error("cannot write all levels to '" + path + "': this format has one; choose " +
                     "one of them, or write .vdb or .ome.zarr",

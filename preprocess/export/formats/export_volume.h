@@ -36,7 +36,6 @@ struct ExportOptions : VolumeWriteOptions {
 //   .exr       OpenEXR, a slice each, in a folder of their own: "slices/%04d.exr"
 //   .tif       TIFF, likewise, or in one file of several pages
 //   .ome.zarr  OME-Zarr 0.4, a folder: an array for each level
-//   .precomputed  Neuroglancer's precomputed volume, a folder: scales of its own
 // docs/FORMATS.md says what each format keeps. Several levels are refused if the format has one.
 //
 // The output appears under its name when it is whole; a file of that name is replaced. Throws Error

@@ -72,14 +72,4 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
 VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options);
 
-// Writes a folder, a precomputed volume of Neuroglancer: a file for each chunk of 64 voxels an
-// axis, raw. A voxel of a coarser scale is the mean of the voxels that it covers, as Neuroglancer
-// has no place for samples that lie on those of the finer scale, which a pyramid's do: the finest
-// level alone is read. Scales end where one chunk holds all; an axis of voxels twice as long as the
-// shortest ones is halved later than the others. The resolution is in nanometres; origin and
-// direction, for which the format has no place, go into a member of isobrick's own. A source that
-// is read in order waits in a temporary file beside the output.
-VolumeWriteReport writePrecomputed(VolumeLevels& levels, const std::string& path,
-                                   const ExportOptions& options);
-
 }  // namespace isobrick

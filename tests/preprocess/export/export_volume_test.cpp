@@ -5,15 +5,11 @@
 #include <tbb/task_arena.h>
 #include <tiffio.h>
 
-#include <cinttypes>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <glm/gtc/matrix_transform.hpp>
 #include <glm/mat4x4.hpp>
 #include <limits>
-#include <map>
-#include <nlohmann/json.hpp>
 
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/source_views.h"
@@ -142,138 +138,6 @@ TEST_F(ExportVolumeTest, NiftiRefusesMoreVoxelsThanItsHeaderCounts) {
   levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(
       voxels, std::vector<std::uint8_t>(static_cast<std::size_t>(elementCount(voxels)))));
   EXPECT_CONTAINS(errorOf([&] { exportVolume(levels, pathOf("a.nii"), {}); }), "32767");
-  EXPECT_EQ(filesLeft(), 0u);
-}
-
-// A chunk of a precomputed volume, whose name says what it holds.
-template <typename T>
-std::vector<T> readPrecomputed(const std::string& folder, const Index3& voxels) {
-  std::vector<T> all(static_cast<std::size_t>(elementCount(voxels)));
-  std::int64_t found = 0;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    Index3 first, end;
-    const std::string name = entry.path().filename().string();
-    EXPECT_EQ(std::sscanf(name.c_str(),
-                          "%" SCNd64 "-%" SCNd64 "_%" SCNd64 "-%" SCNd64 "_%" SCNd64 "-%" SCNd64,
-                          &first.x, &end.x, &first.y, &end.y, &first.z, &end.z),
-              6)
-        << name;
-    const std::string bytes = readBytes(entry.path().string());
-    const IndexBox box{first, end - first};
-    EXPECT_EQ(first % Index3(64), Index3(0));
-    EXPECT_EQ(end, glm::min(first + Index3(64), voxels));
-    EXPECT_EQ(bytes.size(), static_cast<std::size_t>(box.size()) * sizeof(T));
-    for (std::int64_t z = 0, i = 0; z < box.count.z; ++z)
-      for (std::int64_t y = 0; y < box.count.y; ++y)
-        for (std::int64_t x = 0; x < box.count.x; ++x, ++i)
-          std::memcpy(&all[static_cast<std::size_t>(linearIndex(first + Index3(x, y, z), voxels))],
-                      bytes.data() + static_cast<std::size_t>(i) * sizeof(T), sizeof(T));
-    found += box.size();
-  }
-  EXPECT_EQ(found, elementCount(voxels));
-  return all;
-}
-
-// The means of blocks of `step` voxels, fewer at the far ends.
-template <typename T>
-std::vector<T> meansOfBlocks(const std::vector<T>& fine, const Index3& voxels, const Index3& step) {
-  const Index3 coarse = (voxels + step - Index3(1)) / step;
-  std::vector<T> means;
-  for (std::int64_t z = 0; z < coarse.z; ++z)
-    for (std::int64_t y = 0; y < coarse.y; ++y)
-      for (std::int64_t x = 0; x < coarse.x; ++x) {
-        double sum = 0, count = 0;
-        for (std::int64_t k = z * step.z; k < std::min((z + 1) * step.z, voxels.z); ++k)
-          for (std::int64_t j = y * step.y; j < std::min((y + 1) * step.y, voxels.y); ++j)
-            for (std::int64_t i = x * step.x; i < std::min((x + 1) * step.x, voxels.x);
-                 ++i, ++count)
-              sum += static_cast<double>(
-                  fine[static_cast<std::size_t>(linearIndex({i, j, k}, voxels))]);
-        const double mean = sum / count;
-        means.push_back(std::is_integral_v<T> ? static_cast<T>(std::nearbyint(mean))
-                                              : static_cast<T>(mean));
-      }
-  return means;
-}
-
-template <typename T>
-void checkPrecomputed(const std::string& path, std::vector<T> values, Index3 voxels,
-                      const std::vector<Index3>& steps) {
-  const auto info = nlohmann::json::parse(readBytes(path + "/info"));
-  ASSERT_EQ(info["scales"].size(), steps.size());
-  EXPECT_EQ(info["data_type"],
-            (std::map<std::size_t, std::string>{{1, std::is_signed_v<T> ? "int8" : "uint8"},
-                                                {2, std::is_signed_v<T> ? "int16" : "uint16"},
-                                                {4, "float32"}})[sizeof(T)]);
-  for (std::size_t s = 0; s < steps.size(); ++s) {
-    SCOPED_TRACE(s);
-    values = meansOfBlocks(values, voxels, steps[s]);
-    voxels = (voxels + steps[s] - Index3(1)) / steps[s];
-    EXPECT_EQ(info["scales"][s]["size"], nlohmann::json({voxels.x, voxels.y, voxels.z}));
-    EXPECT_EQ(readPrecomputed<T>(path + "/" + info["scales"][s]["key"].get<std::string>(), voxels),
-              values);
-  }
-}
-
-TEST_F(ExportVolumeTest, PrecomputedScalesAreMeansOfTheVoxelsThatTheyCover) {
-  const Index3 voxels(131, 66, 70);
-  GridGeometry geometry = obliqueGeometry();
-  geometry.spacing = {0.5, 0.25, 1.0};
-  // y waits for no axis, x for one halving, z for two: from the third scale on all are halved.
-  const std::vector<Index3> steps{{1, 1, 1}, {1, 2, 1}, {2, 2, 1}, {2, 2, 2}};
-  const auto writes = [&]<typename T>(T, const GridGeometry& placed, std::vector<Index3> halved) {
-    const std::vector<T> values = wildValues<T>(voxels);
-    VolumeLevels levels;
-    levels.push_back(std::make_unique<ArraySource<T>>(voxels, values, placed));
-    const VolumeWriteReport report = exportVolume(levels, pathOf("v.precomputed"), {});
-    EXPECT_GT(report.bytes, values.size() * sizeof(T));
-    checkPrecomputed<T>(pathOf("v.precomputed"), values, voxels, halved);
-    return report;
-  };
-  writes(std::uint8_t{}, geometry, steps);
-  writes(std::int16_t{}, geometry, steps);
-  const VolumeWriteReport turned = writes(float{}, geometry, steps);
-  ASSERT_EQ(turned.lost.size(), 2u);
-  EXPECT_CONTAINS(turned.lost[0], "origin");
-  EXPECT_CONTAINS(turned.lost[1], "unit of length");
-  GridGeometry plain;
-  plain.unit = LengthUnit::kMillimetre;
-  const VolumeWriteReport straight =
-      writes(std::uint16_t{}, plain, {{1, 1, 1}, {2, 2, 2}, {2, 2, 2}});
-  EXPECT_TRUE(straight.lost.empty());
-  writes(std::int8_t{}, plain, {{1, 1, 1}, {2, 2, 2}, {2, 2, 2}});
-  const auto info = nlohmann::json::parse(readBytes(pathOf("v.precomputed/info")));
-  EXPECT_EQ(info["scales"][1]["resolution"], nlohmann::json({2e6, 2e6, 2e6}));
-}
-
-TEST_F(ExportVolumeTest, APrecomputedAxisOfOneVoxelIsHalvedNoMore) {
-  const Index3 voxels(300, 2, 40);
-  GridGeometry geometry;
-  geometry.spacing = {5, 0.01, 1};
-  const std::vector<std::uint8_t> values = wildValues<std::uint8_t>(voxels);
-  VolumeLevels levels;
-  levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(voxels, values, geometry));
-  exportVolume(levels, pathOf("v.precomputed"), {});
-  // Then z alone, until its voxels are more than half as long as those of x.
-  checkPrecomputed<std::uint8_t>(
-      pathOf("v.precomputed"), values, voxels,
-      {{1, 1, 1}, {1, 2, 1}, {1, 1, 2}, {1, 1, 2}, {2, 1, 2}, {2, 1, 2}, {2, 1, 2}});
-}
-
-TEST_F(ExportVolumeTest, APrecomputedVolumeThatFailsLeavesNothing) {
-  ExportOptions options;
-  options.before_publishing = [] { throw Error("it changed"); };
-  EXPECT_CONTAINS(errorOf([&] { write("v.precomputed", wildValues<std::uint8_t>(), {}, options); }),
-                  "changed");
-  CancelFlag cancel;
-  options.before_publishing = nullptr;
-  options.cancel = &cancel;
-  options.progress = [&](double) { cancel.request(); };
-  const Index3 voxels(300, 80, 80);
-  VolumeLevels levels;
-  levels.push_back(
-      std::make_unique<ArraySource<std::uint8_t>>(voxels, wildValues<std::uint8_t>(voxels)));
-  EXPECT_THROW(exportVolume(levels, pathOf("v.precomputed"), options), Cancelled);
   EXPECT_EQ(filesLeft(), 0u);
 }
 

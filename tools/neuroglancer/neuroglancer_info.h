@@ -9,12 +9,9 @@
 
 namespace isobrick {
 
-// The "@type" of the file info in the folder, such as "neuroglancer_multiscale_volume"; empty if it
+// The "@type" of the file info in the folder, such as "neuroglancer_multilod_draco"; empty if it
 // has none.
 std::string neuroglancerTypeOf(const std::string& folder);
-
-// True if nothing is in the folder but the info and the chunks of a precomputed volume.
-bool holdsPrecomputedVolume(const std::string& folder);
 
 // The facts that Neuroglancer's formats have no place for, a line each.
 std::vector<std::string> neuroglancerLosses(const GridGeometry& geometry);

@@ -1,4 +1,4 @@
-#include "isobrick/preprocess/export/neuroglancer_info.h"
+#include "tools/neuroglancer/neuroglancer_info.h"
 
 #include <fstream>
 #include <iterator>
@@ -13,10 +13,6 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kMostInfoBytes = std::uintmax_t{16} << 20;
 
-bool isOf(const std::string& name, const char* characters) {
-  return !name.empty() && name.find_first_not_of(characters) == std::string::npos;
-}
-
 }  // namespace
 
 std::string neuroglancerTypeOf(const std::string& folder) {
@@ -25,18 +21,6 @@ std::string neuroglancerTypeOf(const std::string& folder) {
   std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   return textOf(member(parseShallowJson(text), "@type"));
-}
-
-bool holdsPrecomputedVolume(const std::string& folder) {
-  if (neuroglancerTypeOf(folder) != "neuroglancer_multiscale_volume") return false;
-  const auto isChunk = [](const FolderMember& member) {
-    return member.isRegularFile() && isOf(member.name(), "0123456789-_");
-  };
-  return holdsNothingBut(folder, [&](const FolderMember& member) {
-    if (member.name() == "info") return member.isRegularFile();
-    return isOf(member.name(), "0123456789") && member.isFolder() && !member.isLink() &&
-           holdsNothingBut(member.path().string(), isChunk);
-  });
 }
 
 std::vector<std::string> neuroglancerLosses(const GridGeometry& geometry) {
