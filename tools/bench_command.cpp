@@ -164,9 +164,6 @@ Command addBenchCommand(CLI::App& app) {
          "cache, and the time is that from opening it to the mesh")
       ->type_name("KIND")
       ->check(CLI::IsMember({"warm", "cold", "both"}));
-  sub->add_option("--cache", arguments->cache)  // its name until 0.1
-      ->group("")
-      ->check(CLI::IsMember({"warm", "cold", "both"}));
   sub->add_option("--huge-pages", arguments->huge_pages,
                   "on (default): every row may have huge pages, and asks for them. off: none has")
       ->type_name("KIND")

@@ -92,7 +92,6 @@ void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
       addParsedOption(app, "--curvature-radius", options.curvature_radius, parseAboveZero, "RHO",
                       "The same for parts flatter than a sphere of RHO voxels: T = 1/(2 RHO^2)");
   curvature->excludes(rho);
-  addRemovedOption(app, "--tolerance");
   addViewOptions(app, options);
   addLevelOption(app, options.level, 63)->excludes(focus);
 }

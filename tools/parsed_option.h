@@ -60,13 +60,4 @@ CLI::Option* addChoiceOption(CLI::App& app, const std::string& name, T& target,
       ->check(CLI::IsMember(choices));
 }
 
-// A removed option, not in --help: using it is an error that names its successor.
-inline void addRemovedOption(CLI::App& app, const std::string& name) {
-  const auto refuse = [name](const std::string&) {
-    throw CLI::ValidationError(
-        name, "was removed; use 'extract --simplify D', which keeps within D voxels");
-  };
-  app.add_option_function<std::string>(name, refuse)->group("");
-}
-
 }  // namespace isobrick

@@ -61,13 +61,9 @@ Command addPhantomCommand(CLI::App& app) {
   sub->add_option("NAME", arguments->spec.name, "Which one")
       ->required()
       ->check(CLI::IsMember(phantomNames()));
-  const auto parseVoxels = integerWithin(2, kMaxVoxelsPerAxis);
-  CLI::Option* const voxels =
-      addParsedOption(*sub, "--voxels", arguments->spec.size, parseVoxels, "N", "Voxels per axis");
-  CLI::Option* const size =
-      addParsedOption(*sub, "--size", arguments->spec.size, parseVoxels, "N", "")
-          ->group("")  // its name until 0.1
-          ->excludes(voxels);
+  addParsedOption(*sub, "--voxels", arguments->spec.size, integerWithin(2, kMaxVoxelsPerAxis), "N",
+                  "Voxels per axis")
+      ->required();
   sub->add_option("-o,--output", arguments->output,
                   "Output; a volume, .nrrd, .mhd (with a .raw beside it) or .raw")
       ->type_name("FILE")
@@ -80,10 +76,7 @@ Command addPhantomCommand(CLI::App& app) {
   sub->footer(R"(
 Example:
   isobrick phantom head --voxels 256 -o head.nrrd)");
-  return {sub, [arguments, voxels, size] {
-            if (voxels->count() + size->count() == 0) throw UsageError("--voxels is required");
-            return runPhantom(*arguments);
-          }};
+  return {sub, [arguments] { return runPhantom(*arguments); }};
 }
 
 }  // namespace isobrick

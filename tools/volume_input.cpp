@@ -140,9 +140,6 @@ void addVolumeOptions(CLI::App& app, VolumeInput& input) {
   addSelectOption(app, [&input](const std::string& word) {
     input.selections.push_back("--select=" + word);
   })->group(kVolumeGroup);
-  // Names until 0.1 of what --select takes.
-  for (const char* const option : {"--series", "--grid", "--time", "--channel", "--component"})
-    app.add_option(option, input.words[option])->group("");
   for (const VolumeWord& word : kVolumeWords)
     app.add_option(word.option, input.words[word.option], word.description)
         ->type_name(word.type)

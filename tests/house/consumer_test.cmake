@@ -8,11 +8,11 @@ set(configure ${CMAKE_COMMAND} -G ${GENERATOR} -DCMAKE_PREFIX_PATH=${prefix})
 
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
 run(${prefix}/bin/isobrick --version)
-run(${prefix}/bin/isobrick phantom sphere --size 32 -o sphere.mhd)
+run(${prefix}/bin/isobrick phantom sphere --voxels 32 -o sphere.mhd)
 run(${prefix}/bin/isobrick build sphere.mhd)
 
 # The project that docs/how-to/install.md shows.
-run(${prefix}/bin/isobrick phantom head --size 256 -o head.nrrd)
+run(${prefix}/bin/isobrick phantom head --voxels 256 -o head.nrrd)
 file(READ ${SOURCE}/docs/how-to/install.md page)
 foreach(language cmake cpp)
   if(NOT page MATCHES "\n```${language}\n([^`]+)```")

@@ -45,7 +45,7 @@ foreach(library ${libraries})
   refuse_libraries(${library} "${left_out}|not found|undefined symbol")
 endforeach()
 
-run(${ISOBRICK} phantom sphere --size 32 -o sphere.mhd --force)
+run(${ISOBRICK} phantom sphere --voxels 32 -o sphere.mhd --force)
 run(${ISOBRICK} build sphere.mhd)
 run(${CMAKE_COMMAND} -G ${GENERATOR} -S ${SOURCE}/tests/house/extract_only -B consumer
     -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER=${CXX} -DCMAKE_PREFIX_PATH=${WORK}/prefix)

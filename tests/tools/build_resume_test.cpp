@@ -16,7 +16,7 @@ using namespace test;
 class BuildResumeTest : public CommandTest {
  protected:
   void makeVolume(const std::string& name = "g.nrrd", int size = 160) {
-    runWell({"phantom", "gyroid", "--size", std::to_string(size), "-o", name, "--force"});
+    runWell({"phantom", "gyroid", "--voxels", std::to_string(size), "-o", name, "--force"});
   }
   static Words buildWords(Words more = {}) {
     Words words = {"build", "g.nrrd", "--brick", "16", "--memory", "8M", "--threads", "1"};
@@ -166,7 +166,7 @@ TEST_F(BuildResumeTest, AnotherInputIsRefused) {
   expectFailure(1, buildWords({"--resume"}), "input=1 files");
   writeBytes(path("g.nrrd"), volume.substr(0, volume.size() - 1000));
   expectFailure(1, buildWords({"--resume"}), "g.nrrd");
-  runWell({"phantom", "torus", "--size", "160", "--type", "u8", "-o", "g.nrrd", "--force"});
+  runWell({"phantom", "torus", "--voxels", "160", "--type", "u8", "-o", "g.nrrd", "--force"});
   expectFailure(1, buildWords({"--resume"}), "input=1 files");
 }
 

@@ -19,7 +19,7 @@ class CacheCommandTest : public CommandTest {
   void TearDown() override { unsetenv("ISOBRICK_CACHE_SIZE"); }
 
   void makeSphere(const std::string& name, int size) {
-    runWell({"phantom", "sphere", "--size", std::to_string(size), "-o", name});
+    runWell({"phantom", "sphere", "--voxels", std::to_string(size), "-o", name});
   }
   std::string folder() const { return log_.file("cache") + "/isobrick"; }
   std::set<std::string> cached() const {

@@ -21,7 +21,7 @@ make_group "$limit_mib"
   echo "no memory cgroup can be made here: the peak of each process is compared instead"
 cd "$work"
 memory=$((limit_mib - 64))M
-"$isobrick" phantom head --size "$size" --type u8 -o volume.mhd >/dev/null
+"$isobrick" phantom head --voxels "$size" --type u8 -o volume.mhd >/dev/null
 bytes=$((size * size * size))
 RANDOM=${RANDOM_SEED:-$(date +%s)}
 

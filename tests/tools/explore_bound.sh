@@ -72,7 +72,7 @@ bounded() {
 
 pyramid=${ISOBRICK_PYRAMID:-$work/head.isb}
 if [ ! -e "$pyramid" ]; then
-  "$ISOBRICK" phantom head --size "$size" --type "$type" -o "$work/head.mhd" >/dev/null
+  "$ISOBRICK" phantom head --voxels "$size" --type "$type" -o "$work/head.mhd" >/dev/null
   "$ISOBRICK" build "$work/head.mhd" -o "$pyramid" --codec none --no-curvature >/dev/null
   rm "$work"/head.mhd "$work"/*.raw
 fi

@@ -33,7 +33,7 @@ PYTHON
 }
 
 rm -f "$out/head.mhd" "$out/head.raw"
-"$isobrick" phantom head --size 128 --type i16 -o "$out/head.mhd" > /dev/null
+"$isobrick" phantom head --voxels 128 --type i16 -o "$out/head.mhd" > /dev/null
 pad padded_low -2000
 pad padded_high 32767
 picture vhf_head "$data/vhf_head_ct/vhf_head.nrrd"

@@ -20,12 +20,12 @@ source "$(dirname "$0")/memory_group.sh"
 make_input() {
   case $input in
     gyroid:*)
-      "$isobrick" phantom gyroid --size "${input#gyroid:}" -o "$work/input.mhd" >/dev/null
+      "$isobrick" phantom gyroid --voxels "${input#gyroid:}" -o "$work/input.mhd" >/dev/null
       input=$work/input.mhd ;;
     tiled:*)
       local dims=${input#tiled:} x y z
       IFS=, read -r x y z <<<"$dims"
-      "$isobrick" phantom gyroid --size 256 -o "$work/tile.raw" >/dev/null
+      "$isobrick" phantom gyroid --voxels 256 -o "$work/tile.raw" >/dev/null
       while cat "$work/tile.raw"; do :; done 2>/dev/null | head -c "$((x * y * z))" >"$work/input.raw"
       rm "$work/tile.raw"
       input=$work/input.raw

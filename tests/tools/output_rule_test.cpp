@@ -10,7 +10,7 @@ class OutputRuleTest : public CommandTest {
  protected:
   // head.nrrd of 24^3 voxels and its pyramid.
   void makePyramid() {
-    runWell({"phantom", "head", "--size", "24", "-o", "head.nrrd"});
+    runWell({"phantom", "head", "--voxels", "24", "-o", "head.nrrd"});
     runWell({"build", "head.nrrd"});
   }
   void expectRefused(const Words& words, const std::string& file) {
@@ -28,7 +28,7 @@ class OutputRuleTest : public CommandTest {
 TEST_F(OutputRuleTest, EveryCommandRefusesWhatExistsAndReplacesItWithForce) {
   makePyramid();
   for (const Words& words :
-       {Words{"phantom", "sphere", "--size", "8", "-o", "x.nrrd"},
+       {Words{"phantom", "sphere", "--voxels", "8", "-o", "x.nrrd"},
         Words{"extract", "head.isb", "--iso", "500", "-o", "x.ply"},
         Words{"extract", "head.isb", "--iso", "500", "-o", "x.obj"},
         Words{"render", "head.isb", "--iso", "500", "--size", "64x64", "-o", "x.png"},
@@ -62,7 +62,7 @@ TEST_F(OutputRuleTest, AnInputIsNeverReplaced) {
     EXPECT_EQ(readBytes(path(words.back())), before);
   }
   // Nor one of its files: the voxels behind a header.
-  runWell({"phantom", "sphere", "--size", "8", "-o", "scan.mhd"});
+  runWell({"phantom", "sphere", "--voxels", "8", "-o", "scan.mhd"});
   expectFailure(1, {"build", "scan.mhd", "-o", "scan.raw", "--force"}, "is the input");
   expectFailure(1, {"convert", "scan.mhd", "-o", "scan.raw", "--force"}, "is the input");
 }
@@ -70,16 +70,16 @@ TEST_F(OutputRuleTest, AnInputIsNeverReplaced) {
 TEST_F(OutputRuleTest, AMetaImageReplacesOnlyTheVoxelsThatAreItsOwn) {
   writeBytes(path("scan.raw"), "somebody's scan");
   for (const Words& force : {Words{}, Words{"--force"}}) {
-    Words words{"phantom", "sphere", "--size", "8", "-o", "scan.mhd"};
+    Words words{"phantom", "sphere", "--voxels", "8", "-o", "scan.mhd"};
     words.insert(words.end(), force.begin(), force.end());
     expectFailure(1, words, "'scan.raw' exists and is not the data of 'scan.mhd'");
     EXPECT_EQ(readBytes(path("scan.raw")), "somebody's scan");
   }
   fs::remove(path("scan.raw"));
-  runWell({"phantom", "sphere", "--size", "8", "-o", "scan.mhd"});
-  expectFailure(1, {"phantom", "torus", "--size", "8", "-o", "scan.mhd"}, "--force");
+  runWell({"phantom", "sphere", "--voxels", "8", "-o", "scan.mhd"});
+  expectFailure(1, {"phantom", "torus", "--voxels", "8", "-o", "scan.mhd"}, "--force");
   const std::string sphere = readBytes(path("scan.raw"));
-  runWell({"phantom", "torus", "--size", "8", "-o", "scan.mhd", "--force"});
+  runWell({"phantom", "torus", "--voxels", "8", "-o", "scan.mhd", "--force"});
   EXPECT_NE(readBytes(path("scan.raw")), sphere);
 }
 
@@ -124,7 +124,7 @@ TEST_F(OutputRuleTest, AFolderIsReplacedOnlyWhereItHoldsSuchSlicesAlone) {
 // A file like any other, whatever dataset of it is named.
 TEST_F(OutputRuleTest, AnHdf5FileIsReplacedWithForceAlone) {
   makePyramid();
-  runWell({"phantom", "torus", "--size", "20", "-o", "torus.nrrd"});
+  runWell({"phantom", "torus", "--voxels", "20", "-o", "torus.nrrd"});
   runWell({"convert", "head.nrrd", "-o", "results.h5:/group/a"});
   EXPECT_EQ(rawOf("results.h5:/group/a"), rawOf("head.nrrd"));
   const std::string before = readBytes(path("results.h5"));
@@ -140,7 +140,7 @@ TEST_F(OutputRuleTest, AnHdf5FileIsReplacedWithForceAlone) {
 
 // Unlike `build`, convert does not go on with what an earlier run began.
 TEST_F(OutputRuleTest, AConvertThatFailsLeavesNothingAndPromisesNothing) {
-  runWell({"phantom", "gyroid", "--size", "128", "-o", "in.nrrd"});
+  runWell({"phantom", "gyroid", "--voxels", "128", "-o", "in.nrrd"});
   const std::set<std::string> before = files();
   const Outcome outcome = wait(start({"/bin/sh", "-c",
                                       "ulimit -f 600; exec $0 convert in.nrrd -o "
@@ -153,7 +153,7 @@ TEST_F(OutputRuleTest, AConvertThatFailsLeavesNothingAndPromisesNothing) {
 
 TEST_F(OutputRuleTest, RebuildIsForWhatIsUpToDateAndForceForWhatIsNot) {
   makePyramid();
-  runWell({"phantom", "torus", "--size", "20", "-o", "torus.nrrd"});
+  runWell({"phantom", "torus", "--voxels", "20", "-o", "torus.nrrd"});
   EXPECT_EQ(runForJson({"build", "head.nrrd", "--force"})["skipped"], true);
   EXPECT_EQ(runForJson({"build", "head.nrrd", "--rebuild"})["skipped"], false);
   const std::string head = readBytes(path("head.isb"));

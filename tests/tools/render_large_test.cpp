@@ -18,7 +18,7 @@ namespace {
 class LargeRenderTest : public CommandTest {
  protected:
   void SetUp() override {
-    runWell({"phantom", "sphere", "--size", "40", "-o", "sphere.mhd"});
+    runWell({"phantom", "sphere", "--voxels", "40", "-o", "sphere.mhd"});
     runWell({"build", "sphere.mhd"});
   }
   void write(const std::string& name, const std::string& text) {

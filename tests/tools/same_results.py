@@ -36,7 +36,7 @@ def volumes(old, data, folder):
         if len(found) >= 10:
             break
         path = folder / f"{kind}{size}.nrrd"
-        run(old / "isobrick", "phantom", kind, "--size", size, "--type", voxel_type, "-o", path)
+        run(old / "isobrick", "phantom", kind, "--voxels", size, "--type", voxel_type, "-o", path)
         found.append(path)
     return found[:10]
 

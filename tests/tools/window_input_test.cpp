@@ -73,7 +73,7 @@ class WindowInputTest : public CommandTest {
 TEST_F(WindowInputTest, MouseKeyboardAndClipboardReachTheView) {
   for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool", "/usr/bin/xclip"})
     if (!fs::exists(program)) SKIP_UNLESS_REQUIRED(std::string(program) + " is not there");
-  runWell({"phantom", "sphere", "--size", "40", "-o", "sphere.mhd"});
+  runWell({"phantom", "sphere", "--voxels", "40", "-o", "sphere.mhd"});
   runWell({"build", "sphere.mhd"});
   std::ofstream(path("driver.sh")) << kDriver;
   const Outcome outcome =

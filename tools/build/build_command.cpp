@@ -132,9 +132,8 @@ void checkDivision(const BuildArguments& arguments) {
   if (given != nullptr && !arguments.isDivided())
     throw UsageError(
         fmt::format("{} is for pyramids of many files; name the folder with -o OUT.isbs", given));
-  const BuildSettings& settings = arguments.settings;
-  if (arguments.isDivided() && (settings.any_options || !settings.options.preview.folder.empty()))
-    throw UsageError("--any-options and previews are for pyramids of one file");
+  if (arguments.isDivided() && !arguments.settings.options.preview.folder.empty())
+    throw UsageError("previews are for pyramids of one file");
 }
 
 int runBuild(BuildArguments arguments) {
@@ -205,9 +204,6 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       ->description(
           "Replace what has the name of the output, also if it is no pyramid of the same input; "
           "never an input");
-  sub.add_flag("--any-options", arguments.settings.any_options,
-               "Leave a pyramid of the same input as it is, also where it was built with other "
-               "options (but not where these ask for other voxels or another place)");
   sub.add_flag("--resume", arguments.settings.options.resume,
                "Go on where an interrupted or killed build with the same options ended");
   addJsonFlag(sub, arguments.json);

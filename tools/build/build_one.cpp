@@ -72,8 +72,7 @@ std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings&
                                              const std::string& input_identity) {
   const std::filesystem::path folder = std::filesystem::path(job.input.path).parent_path();
   const auto isThere = [&] {
-    return isUpToDate(job.output, info, input_identity, settings.options, settings.any_options,
-                      true);
+    return isUpToDate(job.output, info, input_identity, settings.options, true);
   };
   job.output = (folder / defaultOutputName(job.input.path)).string();
   if (isThere()) return nullptr;
@@ -130,9 +129,8 @@ BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
       into_cache ? placeInCache(job, settings, source->info(), input.identity()) : nullptr;
   built.output = job.output;
   refuseAsOutput(job, source->files(), true);
-  const bool is_up_to_date =
-      isUpToDate(job.output, source->info(), input.identity(), settings.options,
-                 settings.any_options, settings.force || into_cache);
+  const bool is_up_to_date = isUpToDate(job.output, source->info(), input.identity(),
+                                        settings.options, settings.force || into_cache);
   if (settings.only_facts && !is_up_to_date) {
     built.output.clear();
     built.facts = factsOfVolume(*source, settings.options);
@@ -246,16 +244,6 @@ std::string inputLine(const std::string& identity) {
   return identity.substr(0, identity.find('\n'));
 }
 
-// The lines about the choice of voxels and their place, which users may set.
-std::string volumeLines(const std::string& identity) {
-  std::string lines;
-  for (const char* name : {"\nvoxels=", "\nformat="}) {
-    const std::size_t at = identity.find(name);
-    if (at != std::string::npos) lines += identity.substr(at, identity.find('\n', at + 1) - at);
-  }
-  return lines;
-}
-
 // A relative path names another file in another folder, and a pyramid does not store the folder in
 // which it was built. One that lies in the current folder, or below it, was most likely built from
 // here.
@@ -268,8 +256,7 @@ bool meansTheSameFile(const std::string& source, const std::string& output) {
 }  // namespace
 
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
-                const std::string& input_identity, const BuildOptions& options, bool any_options,
-                bool force) {
+                const std::string& input_identity, const BuildOptions& options, bool force) {
   if (!isRegularFile(output)) return false;
   const auto inTheWay = [&](const std::string& why) {
     if (!force)
@@ -287,9 +274,7 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
   }
   const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;
-  if (inputLine(origin.identity) == inputLine(identity))
-    return any_options &&
-           (info.encoding.empty() || volumeLines(origin.identity) == volumeLines(identity));
+  if (inputLine(origin.identity) == inputLine(identity)) return false;
   if (origin.source != info.source)
     return inTheWay(fmt::format("was made from '{}'", origin.source));
   if (!meansTheSameFile(origin.source, output))

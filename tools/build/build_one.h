@@ -43,7 +43,6 @@ struct BuildSettings {
   std::uint64_t most_cached_bytes = 0;  // volumes of more are not put there; 0: no bound
   bool only_facts = false;              // a pyramid that is not in the cache is not built
   bool verbose = false;                 // the summary has a line for each phase
-  bool any_options = false;  // a pyramid of the same input is up to date, whatever its options
   ProgressStyle progress = ProgressStyle::kBar;
 };
 
@@ -84,11 +83,8 @@ void buildWithThreads(const BuildJob& job, const BuildSettings& settings,
 // True if `output` is a pyramid of this very source and these options already; false if there is
 // none, or one that was made from the same input, which has changed since or is to be built with
 // other options. If it was made from something else, or its origin is unknown, throws Error; with
-// `force`, which replaces it, false. `input_identity` is that of the source. With `any_options` the
-// options may be others, but the input must have been read in the way that the user set
-// (VolumeInfo::encoding).
+// `force`, which replaces it, false. `input_identity` is that of the source.
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
-                const std::string& input_identity, const BuildOptions& options, bool any_options,
-                bool force);
+                const std::string& input_identity, const BuildOptions& options, bool force);
 
 }  // namespace isobrick

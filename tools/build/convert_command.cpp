@@ -300,9 +300,6 @@ void addVdbOptions(CLI::App& app, ExportOptions& options) {
   addParsedOption(
       app, "--vdb-tolerance", options.vdb_tolerance, parseTolerance, "T",
       "Voxels no further than T from the background are not stored in a .vdb; default: 0");
-  // Their names until 0.1.
-  addParsedOption(app, "--background", options.vdb_background, parseSingle, "V", "")->group("");
-  addParsedOption(app, "--tolerance", options.vdb_tolerance, parseTolerance, "T", "")->group("");
   app.add_flag("--half", options.vdb_half, "Half floats in a .vdb");
 }
 

@@ -37,23 +37,19 @@ glm::dvec3 parseSpacing(const std::string& text) {
   return spacing;
 }
 
-// The keys of --select, and the former options of the same meaning.
+// The keys of --select.
 struct SelectKey {
   std::string_view key;
-  const char* old_option;
   void (*set)(InputOptions&, const std::string&);
 };
 constexpr SelectKey kSelectKeys[] = {
-    {"array", nullptr, [](InputOptions& o, const std::string& value) { o.grid = value; }},
-    {"grid", "--grid", [](InputOptions& o, const std::string& value) { o.grid = value; }},
-    {"series", "--series", [](InputOptions& o, const std::string& value) { o.series = value; }},
-    {"time", "--time",
-     [](InputOptions& o, const std::string& value) { o.time = parseCount(value); }},
-    {"channel", "--channel",
-     [](InputOptions& o, const std::string& value) { o.channel = parseCount(value); }},
-    {"image", nullptr,
-     [](InputOptions& o, const std::string& value) { o.image = parseCount(value); }},
-    {"component", "--component",
+    {"array", [](InputOptions& o, const std::string& value) { o.grid = value; }},
+    {"grid", [](InputOptions& o, const std::string& value) { o.grid = value; }},
+    {"series", [](InputOptions& o, const std::string& value) { o.series = value; }},
+    {"time", [](InputOptions& o, const std::string& value) { o.time = parseCount(value); }},
+    {"channel", [](InputOptions& o, const std::string& value) { o.channel = parseCount(value); }},
+    {"image", [](InputOptions& o, const std::string& value) { o.image = parseCount(value); }},
+    {"component",
      [](InputOptions& o, const std::string& value) { o.component = parseComponent(value); }},
 };
 
@@ -103,26 +99,10 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
   addParsedOption(app, "--spacing", options.spacing, parseSpacing, "X,Y,Z",
                   "Distances between voxels in the units of the world, in place of what the input "
                   "says or lacks");
-  addParsedOption(app, "--raw-spacing", options.spacing, parseSpacing, "X,Y,Z", "The same")
-      ->group("");  // its name in earlier versions
   addParsedOption(
       app, "--origin", options.origin, parsePoint, "X,Y,Z",
       "Place of the first voxel in the world, instead of the input's own or missing one");
   addSelectOption(app, [&options](const std::string& word) { select(options, word); });
-  // The names until 0.1 of the values of --select.
-  for (const SelectKey& key : kSelectKeys)
-    if (key.old_option != nullptr)
-      app.add_option_function<std::string>(
-             key.old_option,
-             [&options, key](const std::string& value) {
-               try {
-                 key.set(options, value);
-               } catch (const std::invalid_argument& failure) {
-                 throw CLI::ValidationError(key.old_option, failure.what());
-               }
-             },
-             "")
-          ->group("");
   app.add_flag("--dicom-float32", options.dicom_float32,
                "Take a DICOM series as float32, if its headers promise 16 bits and its values do "
                "not keep to them");

@@ -21,7 +21,6 @@ inline void addStoredOptions(CLI::App& app, BuildOptions& options) {
   app.add_flag_callback(
       "--no-curvature", [&options] { options.with_curvature = false; },
       "Leave out what extract needs for --curvature; builds an .isb faster");
-  addRemovedOption(app, "--error");
 }
 
 }  // namespace isobrick

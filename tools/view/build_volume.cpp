@@ -37,7 +37,7 @@ VolumeBuilder volumeBuilder(ViewBuildOptions options) {
   return [options = std::move(options)](const std::string& volume, const BuildListener& listener,
                                         const CancelFlag& cancel) {
     VolumeBuild build{options.input.cache_folder,
-                      {"--any-options", "--threads", std::to_string(options.threads)},
+                      {"--threads", std::to_string(options.threads)},
                       [&](std::string_view line) { tellLine(line, listener); }};
     const auto add = [&](const std::vector<std::string>& words) {
       build.words.insert(build.words.end(), words.begin(), words.end());

@@ -94,7 +94,6 @@ Command addViewCommand(CLI::App& app) {
   options.cancel = &interruptFlag();
   CLI::Option* const file = addVolumeInput(*sub, arguments->input);
   file->description(file->get_description() + "; default: chosen in the window");
-  sub->add_option("--cache", arguments->input.cache_folder)->group("");  // in earlier versions
   addVolumeOptions(*sub, arguments->input);
   addParsedOption(
       *sub, "--preview-share", arguments->preview_share, numberFrom(0), "S",

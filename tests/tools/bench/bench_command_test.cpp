@@ -14,7 +14,7 @@ using namespace test;
 class BenchCommandTest : public CommandTest {
  protected:
   void makeSphere() {
-    runWell({"phantom", "sphere", "--size", "32", "-o", "sphere.nrrd"});
+    runWell({"phantom", "sphere", "--voxels", "32", "-o", "sphere.nrrd"});
     runWell({"build", "sphere.nrrd", "--brick", "16"});
   }
   // An executable that says the rows of `list`, and does what `script` says of each.
@@ -41,8 +41,8 @@ constexpr char kTwoSeconds[] =
 TEST_F(BenchCommandTest, JsonHasARowForEverySettingOfCacheAndPages) {
   makeSphere();
   const Json bench = runForJson({"bench", "sphere.isb", "--iso", "0", "--rounds", "2", "--repeat",
-                                 "3", "--threads", "2", "--rows", "isobrick", "--cache", "both",
-                                 "--huge-pages", "both"});
+                                 "3", "--threads", "2", "--rows", "isobrick", "--page-cache",
+                                 "both", "--huge-pages", "both"});
   EXPECT_EQ(bench["file"], "sphere.isb");
   EXPECT_EQ(bench["dimensions"], Json({32, 32, 32}));
   EXPECT_EQ(bench["voxel_type"], "float32");
@@ -206,7 +206,7 @@ TEST_F(BenchCommandTest, WhatCannotBeMeasuredIsRefused) {
     return words;
   };
   expectFailure(2, with({"--box", "0,0,0,9,9,9"}), "leave out --box");
-  expectFailure(2, with({"--cache", "tepid"}), "tepid");
+  expectFailure(2, with({"--page-cache", "tepid"}), "tepid");
   expectFailure(2, with({"--rounds", "0"}), "--rounds");
   expectFailure(1, with({"--rows", "isobrick,other"}),
                 "there is no row 'other'; there are isobrick");
@@ -217,7 +217,7 @@ TEST_F(BenchCommandTest, WhatCannotBeMeasuredIsRefused) {
 }
 
 TEST_F(BenchCommandTest, HugePagesComeWithTheSetting) {
-  runWell({"phantom", "gyroid", "--size", "128", "-o", "gyroid.nrrd"});
+  runWell({"phantom", "gyroid", "--voxels", "128", "-o", "gyroid.nrrd"});
   runWell({"build", "gyroid.nrrd", "--no-curvature"});
   std::ifstream file("/sys/kernel/mm/transparent_hugepage/enabled");
   std::string enabled;

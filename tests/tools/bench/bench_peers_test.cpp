@@ -19,7 +19,8 @@ class BenchPeersTest : public CommandTest {
  protected:
   void makeVolume(const std::string& type) {
     // Not a multiple of a brick, so that every brick's share of the voxels counts.
-    runWell({"phantom", "gyroid", "--size", "37", "--type", type, "-o", "gyroid.nrrd", "--force"});
+    runWell(
+        {"phantom", "gyroid", "--voxels", "37", "--type", type, "-o", "gyroid.nrrd", "--force"});
     runWell({"build", "gyroid.nrrd", "--brick", "16", "--force"});
   }
   static const Json& rowOf(const Json& bench, const std::string& name) {

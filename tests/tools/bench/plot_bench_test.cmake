@@ -19,9 +19,9 @@ function(expect_failure words)
   endif()
 endfunction()
 
-run_well(${ISOBRICK} phantom sphere --size 32 -o sphere.nrrd)
+run_well(${ISOBRICK} phantom sphere --voxels 32 -o sphere.nrrd)
 run_well(${ISOBRICK} build sphere.nrrd)
-run_well(${ISOBRICK} bench sphere.isb --iso 0 --level 1 --rounds 1 --repeat 1 --cache both
+run_well(${ISOBRICK} bench sphere.isb --iso 0 --level 1 --rounds 1 --repeat 1 --page-cache both
          --huge-pages both --rows isobrick,isobrick-adaptive --json)
 file(COPY_FILE ${WORK}/out ${WORK}/bench.json)
 

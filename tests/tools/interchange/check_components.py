@@ -66,7 +66,7 @@ def expect_no_file_when_cut(name):
     for size in (len(whole) - 1, len(whole) // 2, 300):
         write_bytes("cut" + name, whole[:size])
         result = subprocess.run([ISOBRICK, "convert", "cut" + name, "-o", "none.raw",
-                                 "--component", "1"], capture_output=True, text=True)
+                                 "--select", "component=1"], capture_output=True, text=True)
         if name == "v.vti" and size > len(whole) - 30:  # its last tag, which nobody needs
             assert result.returncode == 0, (name, size, result)
             os.remove("none.raw")
@@ -84,22 +84,22 @@ def test_one_of_several_values_of_a_voxel_or_their_magnitude_is_read():
         squares = (values.astype("f8") ** 2).sum(-1)
         for name in write_components(values):
             for component in (0, count - 1):
-                found, about = raw_of(name, "--component", str(component))
+                found, about = raw_of(name, "--select", f"component={component}")
                 expect_same(found, delivered[..., component])
                 note = f"component {component} of {count} values per voxel was taken"
                 assert any(note in line for line in about["notes"]), about["notes"]
-            found, _ = raw_of(name, "--component", "magnitude")
+            found, _ = raw_of(name, "--select", "component=magnitude")
             assert found.dtype == "f4"
             np.testing.assert_allclose(found, np.sqrt(squares), rtol=1e-6)
-            run("convert", name, "-o", "none.raw", "--component", str(count),
+            run("convert", name, "-o", "none.raw", "--select", f"component={count}",
                 fails_with=f"{count} values per voxel, 0 to {count - 1}")
             if name == "v.vti":  # its scalars are what it always was
                 raw_of(name)
-                assert run("convert", name, "-o", "none.raw", "--grid", "velocity",
+                assert run("convert", name, "-o", "none.raw", "--select", "grid=velocity",
                            fails_with="--select component=magnitude") is None
-                found, _ = raw_of(name, "--grid", "velocity", "--component", "0")
+                found, _ = raw_of(name, "--select", "grid=velocity", "--select", "component=0")
                 expect_same(found, delivered[..., 0])
-                run("convert", name, "-o", "none.raw", "--grid", "nothing",
+                run("convert", name, "-o", "none.raw", "--select", "grid=nothing",
                     fails_with="no array 'nothing'")
             else:
                 run("convert", name, "-o", "none.raw", fails_with=f"it has {count} values per voxel")
@@ -111,8 +111,8 @@ def test_one_of_several_values_of_a_voxel_or_their_magnitude_is_read():
 def test_a_build_knows_which_component_it_was_made_of():
     values = np.random.default_rng(5).normal(0, 50, (5, 33, 40, 2)).astype("<f8")
     write_components(values)
-    run("build", "v.nrrd", "-o", "a.isb", "--component", "0")
-    run("build", "v.nrrd", "-o", "b.isb", "--component", "magnitude")
+    run("build", "v.nrrd", "-o", "a.isb", "--select", "component=0")
+    run("build", "v.nrrd", "-o", "b.isb", "--select", "component=magnitude")
     levels = [raw_of(name, "--level", "0")[0] for name in ("a.isb", "b.isb")]
     expect_same(levels[0], values[..., 0].astype("<f4"))
     assert not np.array_equal(*levels)
@@ -125,11 +125,11 @@ def test_numbers_of_values_that_no_memory_holds_are_refused():
                          ("1024 1048576 1048576 1048576", ""), ("3 4 4 4", "bytes")):
         with open("hostile.nrrd", "w") as file:
             file.write(f"{head}sizes: {sizes}\n\n")
-        run("convert", "hostile.nrrd", "-o", "none.raw", "--component", "0", fails_with=words)
+        run("convert", "hostile.nrrd", "-o", "none.raw", "--select", "component=0", fails_with=words)
 
 
 def test_volumes_of_one_value_a_voxel_have_no_component():
     write_nrrd("plain.nrrd", voxels("u8"))
     run("build", "plain.nrrd", "-o", "a.isb")
     for name in ("plain.nrrd", "a.isb", "."):
-        run("convert", name, "-o", "none.raw", "--component", "0", fails_with="cannot take a component")
+        run("convert", name, "-o", "none.raw", "--select", "component=0", fails_with="cannot take a component")

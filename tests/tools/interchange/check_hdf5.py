@@ -85,7 +85,7 @@ def test_a_dataset_is_chosen():
     run("convert", "many.h5:/three", "-o", "x.raw", fails_with="'/two'")
     run("convert", "many.h5:/flat", "-o", "x.raw", fails_with="three")
     run("convert", "many.h5:/four", "-o", "x.raw", fails_with="--select channel=C")
-    expect_same(raw_of("many.h5:/four", "--channel", "1")[0], values + 1)
+    expect_same(raw_of("many.h5:/four", "--select", "channel=1")[0], values + 1)
     expect_same(raw_of("many.h5:/two")[0], (values > 0).astype("u1"))
     expect_same(raw_of("many.h5:/thin")[0], values)
 

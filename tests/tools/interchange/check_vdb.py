@@ -30,7 +30,7 @@ def test_every_level_of_every_type_is_the_same_for_openvdb_and_for_us():
             np.testing.assert_allclose(at[0], ORIGIN)
             np.testing.assert_allclose(at[1], ORIGIN + SPACING * 2**level * [1, 2, 3])
             # Ours, read by us: with the same dimensions, the inactive rim too.
-            found, about = raw_of("out.vdb", *(["--grid", f"density_level{level}"] if level else []))
+            found, about = raw_of("out.vdb", *(["--select", f"grid=density_level{level}"] if level else []))
             np.testing.assert_array_equal(found, expected.astype("f4"))
             expect_placed(about, spacing=SPACING * 2**level)
 
@@ -63,7 +63,7 @@ def test_values_mask_background_class_name_and_transform_come_back_from_a_pyrami
     mask.fill((1, 2, 3), (9, 9, 9), True)
     vdb.write("theirs.vdb", [ball, fog, mask])
     for grid in (ball, fog):
-        run("build", "theirs.vdb", "--grid", grid.name, "-o", "back.isb", "--force")
+        run("build", "theirs.vdb", "--select", f"grid={grid.name}", "-o", "back.isb", "--force")
         run("convert", "back.isb", "-o", "back.vdb", "--force")
         back = vdb.read("back.vdb", grid.name)
         assert back.gridClass == grid.gridClass and back.background == grid.background
@@ -81,9 +81,9 @@ def test_values_mask_background_class_name_and_transform_come_back_from_a_pyrami
             assert is_active == (active and abs(value) != grid.background), (grid.name, ijk, value)
     about = run("build", "theirs.vdb", "-o", "first.isb", "--json")
     assert "of 3 grids, 'ball' was taken" in str(about) and "'smoke' (float)" in str(about), about
-    found, about = raw_of("theirs.vdb", "--grid", "mask")
+    found, about = raw_of("theirs.vdb", "--select", "grid=mask")
     assert about["voxel_type"] == "uint8" and found.sum() == 9 * 8 * 7
-    run("convert", "theirs.vdb", "-o", "x.raw", "--grid", "fire", fails_with="'smoke' (float)")
+    run("convert", "theirs.vdb", "-o", "x.raw", "--select", "grid=fire", fails_with="'smoke' (float)")
 
 
 def test_a_grid_larger_than_memory_is_read_slab_by_slab():

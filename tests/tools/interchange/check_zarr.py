@@ -121,9 +121,9 @@ def test_time_steps_and_channels_are_chosen():
     assert "of 3 channels, the first" in str(about["notes"])
     expect_placed(about, spacing=[2e-3, 4e-3, 6e-3], origin=[20e-3, 40e-3, 60e-3])
     assert "micrometer" in str(about["notes"]) and about["length_unit"] == "millimetres"
-    found, _ = raw_of("five.zarr", "--time", "1", "--channel", "2")
+    found, _ = raw_of("five.zarr", "--select", "time=1", "--select", "channel=2")
     expect_same(found, values[1, 2])
-    run("convert", "five.zarr", "-o", "x.raw", "--channel", "3", fails_with="0 to 2")
+    run("convert", "five.zarr", "-o", "x.raw", "--select", "channel=3", fails_with="0 to 2")
 
 
 def test_names_that_lead_out_of_the_store_are_refused():
