@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/sources/length_units.h"
 
 #include <algorithm>
-#include <cmath>
 #include <glm/geometric.hpp>
 #include <string_view>
 
@@ -11,87 +10,63 @@
 namespace isobrick {
 namespace {
 
-struct MetrePrefix {
-  std::string_view name, symbol;
-  int exponent;  // of 10, in metres
-};
-constexpr MetrePrefix kPrefixes[] = {
-    {"yotta", "Y", 24},  {"zetta", "Z", 21}, {"exa", "E", 18},    {"peta", "P", 15},
-    {"tera", "T", 12},   {"giga", "G", 9},   {"mega", "M", 6},    {"kilo", "k", 3},
-    {"hecto", "h", 2},   {"deca", "da", 1},  {"deka", "da", 1},   {"", "", 0},
-    {"deci", "d", -1},   {"centi", "c", -2}, {"milli", "m", -3},  {"micro", "u", -6},
-    {"nano", "n", -9},   {"pico", "p", -12}, {"femto", "f", -15}, {"atto", "a", -18},
-    {"zepto", "z", -21}, {"yocto", "y", -24}};
-
-// In millimetres.
-struct OtherLength {
+// As headers spell them, in small letters and without the s of many; in millimetres.
+struct LengthName {
   std::string_view name;
   LengthScale scale;
 };
-constexpr OtherLength kOthers[] = {{"micron", {1, 1e3}},
-                                   {"angstrom", {1, 1e7}},
-                                   {"inch", {25.4, 1}},
-                                   {"inche", {25.4, 1}},  // of inches
-                                   {"in", {25.4, 1}},
-                                   {"foot", {304.8, 1}},
-                                   {"feet", {304.8, 1}},
-                                   {"ft", {304.8, 1}},
-                                   {"yard", {914.4, 1}},
-                                   {"yd", {914.4, 1}},
-                                   {"mile", {1609344, 1}},
-                                   {"mi", {1609344, 1}},
-                                   {"parsec", {3.0856775814913673e19, 1}},
-                                   {"pc", {3.0856775814913673e19, 1}}};
+constexpr LengthScale kPicometre{1, 1e9}, kNanometre{1, 1e6}, kMicrometre{1, 1e3}, kMillimetre,
+    kCentimetre{10, 1}, kMetre{1e3, 1}, kAngstrom{1, 1e7}, kInch{25.4, 1};
+constexpr LengthName kLengths[] = {
+    {"picometre", kPicometre},  // of grids that isobrick wrote as .vdb
+    {"nm", kNanometre},
+    {"nanometer", kNanometre},
+    {"nanometre", kNanometre},
+    {"um", kMicrometre},
+    {"\xC2\xB5m", kMicrometre},  // the sign for micro
+    {"\xCE\xBCm", kMicrometre},  // the Greek letter
+    {"\xB5m", kMicrometre},      // Latin-1
+    {"\\u00b5m", kMicrometre},   // of ImageJ
+    {"micrometer", kMicrometre},
+    {"micrometre", kMicrometre},
+    {"micron", kMicrometre},
+    {"mm", kMillimetre},
+    {"millimeter", kMillimetre},
+    {"millimetre", kMillimetre},
+    {"cm", kCentimetre},
+    {"centimeter", kCentimetre},
+    {"centimetre", kCentimetre},
+    {"m", kMetre},
+    {"meter", kMetre},
+    {"metre", kMetre},
+    {"angstrom", kAngstrom},
+    {"\xC3\x85", kAngstrom},      // the letter
+    {"\xE2\x84\xAB", kAngstrom},  // the sign
+    {"\\u00c5", kAngstrom},       // of ImageJ
+    {"\xC3\x85ngstrom", kAngstrom},
+    {"\xC3\xA5ngstrom", kAngstrom},
+    {"\xC3\x85ngstr\xC3\xB6m", kAngstrom},
+    {"\xC3\xA5ngstr\xC3\xB6m", kAngstrom},
+    {"inch", kInch},
+    {"inche", kInch},  // of inches
+    {"in", kInch}};
 
-LengthScale powerOfTen(int exponent) {
-  const double power = std::pow(10.0, std::abs(exponent));
-  return exponent < 0 ? LengthScale{1, power} : LengthScale{power, 1};
+std::string trimmedUnit(std::string_view unit) {
+  constexpr std::string_view kBlanks(" \t\0", 3);
+  const std::size_t first = std::min(unit.find_first_not_of(kBlanks), unit.size());
+  return std::string(unit.substr(first, unit.find_last_not_of(kBlanks) + 1 - first));
 }
-
-std::string replaced(const std::string& text, std::string_view from, std::string_view to) {
-  std::string result;
-  for (std::size_t at = 0;;) {
-    const std::size_t found = text.find(from, at);
-    result.append(text, at, found - at);
-    if (found == std::string::npos) return result;
-    result += to;
-    at = found + from.size();
-  }
-}
-
-// Letters that are written in several ways, as ASCII.
-std::string plainName(std::string unit) {
-  // The sign for micro, the Greek letter, Latin-1, and as ImageJ writes it down.
-  for (const char* micro : {"\xC2\xB5", "\xCE\xBC", "\\u00B5", "\\u00b5", "\xB5"})
-    unit = replaced(unit, micro, "u");
-  // A with a ring: the letter and the sign; o with dots.
-  for (const char* ring : {"\xC3\x85", "\xE2\x84\xAB", "\\u00C5", "\xC3\xA5"})
-    unit = replaced(unit, ring, unit.size() <= 6 ? "angstrom" : "a");
-  unit = replaced(unit, "\xC3\xB6", "o");
-  const auto isBlank = [](char c) { return c == ' ' || c == '\t' || c == '\0'; };
-  while (!unit.empty() && isBlank(unit.back())) unit.pop_back();
-  unit.erase(0, static_cast<std::size_t>(std::find_if_not(unit.begin(), unit.end(), isBlank) -
-                                         unit.begin()));
-  return unit;
-}
-
-constexpr int kMillimetresOfMetre = 3;  // as a power of 10
 
 }  // namespace
 
 std::optional<LengthScale> lengthScale(const std::string& unit) {
-  const std::string symbol = plainName(unit);
-  for (const MetrePrefix& prefix : kPrefixes)
-    if (symbol == std::string(prefix.symbol) + "m")
-      return powerOfTen(prefix.exponent + kMillimetresOfMetre);
+  const std::string symbol = trimmedUnit(unit);
   std::string name = lowercase(symbol);
   if (name.size() > 2 && name.back() == 's') name.pop_back();
-  for (const MetrePrefix& prefix : kPrefixes)
-    for (const char* metre : {"meter", "metre"})
-      if (name == std::string(prefix.name) + metre)
-        return powerOfTen(prefix.exponent + kMillimetresOfMetre);
-  for (const OtherLength& other : kOthers)
-    if (name == other.name) return other.scale;
+  // A symbol in other letters is another one: Mm are megametres.
+  constexpr std::size_t kLongestSymbol = 2;
+  for (const LengthName& length : kLengths)
+    if (length.name == (symbol.size() > kLongestSymbol ? name : symbol)) return length.scale;
   return std::nullopt;
 }
 

@@ -17,8 +17,8 @@ struct LengthScale {
   bool operator==(const LengthScale&) const = default;
 };
 
-// The scale of metres with any prefix, as names ("micrometer", "Micrometres") and as symbols
-// ("um"), and of the other lengths of UDUNITS and OME; none for a word that is no length.
+// The scale of picometres, nanometres, micrometres, millimetres, centimetres, metres, angstroms and
+// inches, as names ("Micrometres") and as symbols ("um"); none for any other word.
 std::optional<LengthScale> lengthScale(const std::string& unit);
 
 // The numbers of `geometry` along the world's axes are in these units, "" if none is stated.
