@@ -5,12 +5,7 @@
 namespace isobrick {
 
 BrickPipeline::BrickPipeline(const BuildPlan& plan, Write write)
-    : windows_(kBuildWindows),
-      batches_(kBuildWindows),
-      free_windows_(kBuildWindows),
-      full_windows_(kBuildWindows),
-      free_batches_(kBuildWindows),
-      full_batches_(kBuildWindows) {
+    : windows_(kBuildWindows), batches_(kBuildWindows) {
   std::size_t most_bricks = 1;
   for (const BuildPlan::WindowShape& shape : plan.windows)
     most_bricks = std::max(most_bricks, static_cast<std::size_t>(shape.x * shape.y));
@@ -35,11 +30,12 @@ void BrickPipeline::run(std::int64_t windows, const Read& read, const Make& make
   std::thread reader([&] { readAll(windows, read); });
   try {
     for (std::int64_t i = 0; i < windows; ++i) {
-      const auto window = full_windows_.pop();
-      const auto batch = window ? free_batches_.pop() : std::nullopt;
-      if (!batch) break;  // a stage failed
-      make(**window, **batch);
-      if (!free_windows_.push(*window) || !full_batches_.push(*batch)) break;
+      BrickWindow* const window = take(full_windows_);
+      BrickBatch* const batch = window != nullptr ? take(free_batches_) : nullptr;
+      if (batch == nullptr) break;  // a stage failed
+      make(*window, *batch);
+      free_windows_.push(window);
+      full_batches_.push(batch);
     }
   } catch (...) {
     fail(std::current_exception());
@@ -49,7 +45,7 @@ void BrickPipeline::run(std::int64_t windows, const Read& read, const Make& make
 }
 
 void BrickPipeline::finish() {
-  full_batches_.close();
+  full_batches_.push(nullptr);
   writer_.join();
   throwFailure();
 }
@@ -57,10 +53,10 @@ void BrickPipeline::finish() {
 void BrickPipeline::readAll(std::int64_t windows, const Read& read) {
   try {
     for (std::int64_t i = 0; i < windows; ++i) {
-      const auto window = free_windows_.pop();
-      if (!window) return;
-      read(i, **window);
-      if (!full_windows_.push(*window)) return;
+      BrickWindow* const window = take(free_windows_);
+      if (window == nullptr) return;
+      read(i, *window);
+      full_windows_.push(window);
     }
   } catch (...) {
     fail(std::current_exception());
@@ -69,9 +65,9 @@ void BrickPipeline::readAll(std::int64_t windows, const Read& read) {
 
 void BrickPipeline::writeAll(const Write& write) {
   try {
-    while (const auto batch = full_batches_.pop()) {
-      write(**batch);
-      if (!free_batches_.push(*batch)) return;
+    while (BrickBatch* const batch = take(full_batches_)) {
+      write(*batch);
+      free_batches_.push(batch);
     }
   } catch (...) {
     fail(std::current_exception());
@@ -84,10 +80,9 @@ void BrickPipeline::fail(std::exception_ptr failure) {
     const std::lock_guard lock(mutex_);
     if (!failure_) failure_ = failure;
   }
-  free_windows_.abort();
-  full_windows_.abort();
-  free_batches_.abort();
-  full_batches_.abort();
+  is_over_ = true;
+  for (auto* const queue : {&free_windows_, &full_windows_}) queue->push(nullptr);
+  for (auto* const queue : {&free_batches_, &full_batches_}) queue->push(nullptr);
 }
 
 void BrickPipeline::throwFailure() {

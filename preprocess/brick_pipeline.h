@@ -1,13 +1,15 @@
 // The threads of a build: one reads, those of the TBB arena make bricks, one writes.
 #pragma once
 
+#include <tbb/concurrent_queue.h>
+
+#include <atomic>
 #include <exception>
 #include <functional>
 #include <mutex>
 #include <thread>
 #include <vector>
 
-#include "isobrick/preprocess/bounded_queue.h"
 #include "isobrick/preprocess/brick_window.h"
 #include "isobrick/preprocess/build_plan.h"
 #include "isobrick/preprocess/scratch_volume.h"
@@ -55,12 +57,21 @@ class BrickPipeline {
   void writeAll(const Write& write);
   void fail(std::exception_ptr failure);
   void throwFailure();
+  // Waits for the next one. Null: there is none, or a stage failed.
+  template <typename T>
+  T* take(tbb::concurrent_bounded_queue<T*>& queue) {
+    T* next = nullptr;
+    queue.pop(next);
+    return is_over_ ? nullptr : next;
+  }
 
   std::vector<BrickWindow> windows_;
   std::vector<BrickBatch> batches_;
-  BoundedQueue<BrickWindow*> free_windows_, full_windows_;
-  BoundedQueue<BrickBatch*> free_batches_, full_batches_;
-  std::mutex mutex_;  // guards failure_
+  // Each has one stage that takes from it, which ends at a null.
+  tbb::concurrent_bounded_queue<BrickWindow*> free_windows_, full_windows_;
+  tbb::concurrent_bounded_queue<BrickBatch*> free_batches_, full_batches_;
+  std::atomic<bool> is_over_{false};  // before its time
+  std::mutex mutex_;                  // guards failure_
   std::exception_ptr failure_;
   std::thread writer_;  // last: it uses all the others
 };

@@ -2,6 +2,7 @@
 
 #include <openvdb/io/Compression.h>
 #include <openvdb/io/io.h>
+#include <tbb/concurrent_queue.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
@@ -14,7 +15,6 @@
 #include <streambuf>
 #include <utility>
 
-#include "isobrick/preprocess/bounded_queue.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
@@ -349,7 +349,7 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
   const Index3 reads((nodes.x + nodes_per_read - 1) / nodes_per_read, nodes.y, nodes.z);
   const std::int64_t read_count = elementCount(reads);
   std::vector<std::unique_ptr<NodeRow>> rows;
-  BoundedQueue<NodeRow*> idle(budget.rows);
+  tbb::concurrent_bounded_queue<NodeRow*> idle;
   while (rows.size() < budget.rows) {
     rows.push_back(std::make_unique<NodeRow>(source, plan, compression, path));
     idle.push(rows.back().get());
@@ -363,7 +363,8 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
   };
   const auto make = [&](std::int64_t read) {
     checkCancel(options);
-    NodeRow* const row = *idle.pop();
+    NodeRow* row = nullptr;
+    idle.pop(row);
     const Index3 at = indexAt(read, reads) * Index3(nodes_per_read, 1, 1);
     row->make(low + at * kNodeVoxels, std::min(nodes_per_read, nodes.x - at.x), leaves);
     return row;
