@@ -20,8 +20,8 @@ constexpr const char* partName(PartKind kind) {
 
 // The kind's number in the file's header; those of others are passed over.
 constexpr std::uint32_t kindNumber(PartKind kind) {
-  constexpr std::uint32_t kNumbers[] = {0, 1, 4};
-  return kNumbers[static_cast<std::size_t>(kind)];
+  constexpr std::uint32_t kPartNumbers[] = {0, 1, 4};
+  return kPartNumbers[static_cast<std::size_t>(kind)];
 }
 
 // A row of the brick table, with an entry for every kind that this program reads; parts that the
