@@ -45,6 +45,11 @@ class CornerTable {
     return facing == kNone ? kNone : previous(facing);
   }
 
+  // All corners of a vertex, as long as no edge collapsed.
+  std::span<const std::uint32_t> cornersOf(std::uint32_t vertex) const {
+    return std::span(around_).subspan(first_[vertex], first_[vertex + 1] - first_[vertex]);
+  }
+
   // The shape of the triangles around a vertex.
   enum class Ring : std::uint8_t {
     kClosed,  // one ring
@@ -89,10 +94,6 @@ class CornerTable {
   }
   std::uint32_t& facing(std::uint32_t corner) {
     return triangles_[corner / 4].opposites[corner & 3];
-  }
-  // All corners of a vertex, as long as no edge collapsed.
-  std::span<const std::uint32_t> cornersOf(std::uint32_t vertex) const {
-    return std::span(around_).subspan(first_[vertex], first_[vertex + 1] - first_[vertex]);
   }
   // A triangle around a vertex: its two other vertices, and the next triangle clockwise.
   struct Around {
