@@ -88,6 +88,9 @@ void SurfaceRequests::takePass(const StreamMessage& pass) {
   shown_.take(pass, asked_.at(pass.request));
   last_news_ = clockSeconds();
   all_passes_done_ = pass.request == last_request_ && pass.last_pass;
+  // Given up for a smaller one: it becomes finer after a rest.
+  if (all_passes_done_ && pass.radius < volume_.radiusAtRest(requested_->state))
+    asked_for_all_ = false;
 }
 
 void SurfaceRequests::shrinkToBudget() {
