@@ -22,7 +22,6 @@ inline std::string textWithRemedies(const Error& error) {
                                            "with curvature",
                                            "component",
                                            "whole floats",
-                                           "replace dataset",
                                            "pack mesh",
                                            "stack",
                                            "time",

@@ -269,32 +269,17 @@ TEST_F(PrecomputedMeshesTest, OnlyMeshesAreReplacedAndOnlyByForce) {
   fs::copy(path("head.isb"), path("m.precomputed/1"), fs::copy_options::overwrite_existing);
   expectFailure(1, {"extract", "m.precomputed/1", "--iso", "500", "-o", "m.precomputed", "--force"},
                 "holds the input");
-  EXPECT_EQ(run({"convert", "head.isb", "-o", "v.precomputed"}).status, 0);
+  fs::create_directory(path("v.precomputed"));
+  std::ofstream(path("v.precomputed/info")) << R"({"@type": "neuroglancer_multiscale_volume"})";
   expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "v.precomputed", "--force"},
                 "something else in it");
   fs::create_directory(path("p.precomputed"));
   ASSERT_EQ(mkfifo(path("p.precomputed/info").c_str(), 0600), 0);
   expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "p.precomputed", "--force"},
                 "something else in it");
-  expectFailure(1, {"convert", "head.isb", "-o", "p.precomputed", "--force"},
-                "something else in it");
   std::ofstream(path("f.precomputed")) << "dear";
   expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "f.precomputed", "--force"},
                 "is no folder");
-}
-
-TEST_F(PrecomputedMeshesTest, OfVolumesOnlyTheirOwnKindIsReplaced) {
-  const Words words{"convert", "head.isb", "-o", "v.precomputed", "--force"};
-  EXPECT_EQ(run(words).status, 0);
-  EXPECT_EQ(run(words).status, 0);
-  for (const char* name :
-       {"v.precomputed/letter.txt", "v.precomputed/0/letter.txt", "v.precomputed/meshes/1"}) {
-    fs::create_directories(fs::path(path(name)).parent_path());
-    std::ofstream(path(name)) << "dear";
-    expectFailure(1, words, "something else in it");
-    EXPECT_EQ(readBytes(path(name)), "dear");
-    fs::remove(path(name));
-  }
 }
 
 // Six times the volume that the triangles enclose: above 0 if they turn left seen from outside.
