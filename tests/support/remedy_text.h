@@ -9,24 +9,12 @@ namespace isobrick::test {
 
 // The message, and every remedy behind it in angle brackets: "... <resume>".
 inline std::string textWithRemedies(const Error& error) {
-  static constexpr const char* kNames[] = {"more memory",
-                                           "less memory",
-                                           "other folder",
-                                           "pack",
-                                           "replace",
-                                           "resume",
-                                           "begin anew",
-                                           "raw layout",
-                                           "correct raw layout",
-                                           "dicom float",
-                                           "with curvature",
-                                           "component",
-                                           "whole floats",
-                                           "pack mesh",
-                                           "stack",
-                                           "time",
-                                           "variant",
-                                           "series",
+  static constexpr const char* kNames[] = {"more memory",  "less memory",    "other folder",
+                                           "pack",         "replace",        "resume",
+                                           "begin anew",   "raw layout",     "correct raw layout",
+                                           "dicom float",  "with curvature", "component",
+                                           "whole floats", "pack mesh",      "stack",
+                                           "time",         "variant",        "series",
                                            "image"};
   std::string text = error.what();
   for (const Remedy remedy : error.remedies())
