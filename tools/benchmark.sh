@@ -80,9 +80,8 @@ fi
 # ---- measurements, and the page ------------------------------------------------------------------
 
 echo "$commit" >"$work/commit"
-git show HEAD:docs/benchmarks.json >"$work/last.json" 2>/dev/null || rm -f "$work/last.json"
 /usr/bin/python3 $suite/measure.py "$work" "$folder/build" "$data" "$venv" --output "$work/benchmarks.json" \
-  --commit "$commit" --vtk "${vtk_version:-none}" --last "$work/last.json" $([ $mode = full ] || echo --quick)
+  --commit "$commit" --vtk "${vtk_version:-none}" $([ $mode = full ] || echo --quick)
 docs=docs
 [ $mode = full ] || docs=$work
 [ $mode = quick ] || cp "$work/benchmarks.json" docs/benchmarks.json

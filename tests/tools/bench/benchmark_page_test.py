@@ -15,7 +15,6 @@ page_maker = f"{source}/tools/bench/suite/page.py"
 committed = f"{source}/docs/benchmarks.json"
 sys.dont_write_bytecode = True
 sys.path.insert(0, f"{source}/tools/bench/suite")
-import figures
 import measure
 
 
@@ -68,22 +67,6 @@ for name, words in (("half", '{"results": '), ("list", "[]"), ("empty", "{}")):
         file.write(words)
     expect_failure("is no run of tools/benchmark.sh", f"{work}/{name}.json", work)
 assert make(committed).returncode == 2
-
-# The last run stands beside this one: half of a building's time is a regression of this run, a slower machine is none.
-last = {"date": "2026-01-01", "commit": "before", "machine": "", "mode": "full", "figures": figures.flat(run)}
-words = page_of({**run, "last": last}, f"{work}/same")
-assert "No row of isobrick is slower" in words and "commit before" in words
-name = run["results"]["building"]["rows"][0]["name"]
-key = f"building/{name}/least seconds"
-faster = {**last, "figures": {**last["figures"], key: last["figures"][key] / 2}}
-words = page_of({**run, "last": faster}, f"{work}/regression")
-assert f"1 of isobrick's rows are slower by more than 25 %: building, {name} (2.00)." in words, words
-machine = {**last, "figures": {key: value / 2 for key, value in last["figures"].items()}}
-assert "No row of isobrick is slower" in page_of({**run, "last": machine}, f"{work}/machine")
-# Another processor's figures show neither.
-elsewhere = {**faster, "machine": "another processor"}
-assert "on another processor (another processor)" in page_of({**run, "last": elsewhere}, f"{work}/elsewhere")
-assert "There is no earlier run" in page_of({**run, "last": None}, f"{work}/first")
 
 # A peer that could not be had, and one that failed, are named.
 gone = copy.deepcopy(run)

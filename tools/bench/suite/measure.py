@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The measurements of tools/benchmark.sh.
 
-  measure.py WORK BUILD DATA VENV --output FILE.json --commit C [--vtk VERSION] [--quick] [--last FILE.json]
+  measure.py WORK BUILD DATA VENV --output FILE.json --commit C [--vtk VERSION] [--quick]
 
 WORK keeps volumes and results, one JSON file a step: a step whose result is there is left out, so a run that was
 stopped goes on. BUILD is a build folder of isobrick, DATA the folder of the real volumes (or none), VENV the Python with
@@ -20,7 +20,6 @@ import sys
 import time
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import figures
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MIB = 1 << 20
@@ -476,15 +475,6 @@ def copy_seconds(source, target):
     return seconds
 
 
-def last_run(path):
-    """The figures of the run that was published before."""
-    if not path or not os.path.exists(path):
-        return None
-    before = read_json(path)
-    return {"date": before["date"], "commit": before["commit"], "machine": before["machine"]["processor"],
-            "mode": before["mode"], "figures": figures.flat(before)}
-
-
 def main():
     parser = argparse.ArgumentParser()
     for name in ("work", "build", "data", "venv"):
@@ -492,7 +482,6 @@ def main():
     parser.add_argument("--output", required=True)
     parser.add_argument("--commit", required=True)
     parser.add_argument("--vtk", default="none", help="version of Debian's VTK")
-    parser.add_argument("--last", help="JSON of the run that was published before")
     parser.add_argument("--quick", action="store_true")
     options = parser.parse_args()
     suite = Suite(options)
@@ -510,7 +499,7 @@ def main():
         "machine": machine, "versions": versions, "threads": THREADS,
         "load": {"least": min(suite.loads), "greatest": max(suite.loads), "median": statistics.median(suite.loads)},
         "minutes": round(sum(r["seconds"] for r in results.values()) / 60, 1),
-        "volumes": volumes, "results": results, "last": last_run(options.last)})
+        "volumes": volumes, "results": results})
 
 
 if __name__ == "__main__":

@@ -8,18 +8,17 @@ The text is that of page.md beside this script, with {{name}} for what comes fro
 """
 
 import json
+import math
 import os
 import re
 import statistics
 import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import figures
 import plots
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MOST_WORDS = 2500
-WORSE = 1.25  # times the last run, beyond what the peers changed
 
 
 def fail(message):
@@ -27,9 +26,6 @@ def fail(message):
 
 
 def table(head, rows):
-    """Without the columns of a last run that has no figure of them."""
-    kept = [i for i, title in enumerate(head) if title != "last" or any(row[i] for row in rows)]
-    head, rows = [head[i] for i in kept], [[row[i] for i in kept] for row in rows]
     lines = [head, ["---"] + ["--:"] * (len(head) - 1), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
@@ -62,7 +58,6 @@ def between(numbers):
 class Page:
     def __init__(self, run):
         self.run, self.results, self.volumes = run, run["results"], run["volumes"]
-        self.before = (run.get("last") or {}).get("figures", {})
         self.plots = {}
 
     def rows(self, step):
@@ -74,9 +69,6 @@ class Page:
     def median(self, step, name, key="seconds"):
         row = self.row(step, name)
         return row[key]["median"] if row and key in row else None
-
-    def last(self, step, name, key="seconds"):
-        return self.before.get(f"{step}/{name}/{key}")
 
     def steps(self, kind):
         """(step, volume) of every volume that was measured so."""
@@ -106,49 +98,6 @@ class Page:
         busy = [step for step, result in self.results.items() if max(result["load"]) > 1.5 * cores]
         return words + (f"; more than {1.5 * cores:g} beside {joined(busy)}, whose times are long." if busy else ".")
 
-    def comparison(self):
-        """The last run beside this one. Peers do not change with isobrick: what they changed is the machine's part. Those on
-        several threads, as other work costs rows on one thread less."""
-        last = self.run.get("last")
-        if not last:
-            return "There is no earlier run of this page to compare with; the columns *last* are empty."
-        origin = f"commit {last['commit']}" if last["commit"] else "of the page before this one"
-        begin = f"*The last run* is that of {last['date']}, {origin}"
-        processor = self.run["machine"]["processor"]
-        if last["machine"] and last["machine"] != processor:
-            return (f"{begin}, on another processor ({last['machine']}): the columns *last* "
-                    "show the two machines as much as the two commits. `tools/bench_guard.sh` compares commits on one machine.")
-        now, ours, peers = figures.flat(self.run), {}, []
-        for key, value in now.items():
-            step, name, what = key.split("/")[0], "/".join(key.split("/")[1:-1]), key.split("/")[-1]
-            if what != "seconds":
-                continue
-            # Other work disturbs the least time least; where that was not kept, medians are compared.
-            least = f"{step}/{name}/least seconds"
-            old = last["figures"].get(least)
-            value, old = (now[least], old) if old else (value, last["figures"].get(key))
-            if not old:
-                continue
-            if is_ours(step, name):
-                ours[f"{step}, {name}"] = value / old
-            elif name.startswith("openvdb") or name.endswith("vtkFlyingEdges3D"):
-                peers.append(value / old)
-        if not ours:
-            return f"The last run ({last['date']}) has no figure of this one."
-        machine = statistics.median(peers) if peers else 1.0
-        worse = {name: ratio / machine for name, ratio in ours.items() if ratio / machine > WORSE}
-        words = (f"{begin}. Since then the times of OpenVDB and Flying Edges changed to "
-                 f"{machine:.2f} of what they were, as the machine did, and those of isobrick to {statistics.median(ours.values()):.2f} "
-                 f"(medians of {len(peers)} and {len(ours)} rows). ")
-        if not worse:
-            return words + f"No row of isobrick is slower by more than {100 * (WORSE - 1):.0f} % beyond that."
-        named = [f"{name} ({ratio:.2f})" for name, ratio in sorted(worse.items(), key=lambda item: -item[1])[:8]]
-        words += f"Beyond that, {len(worse)} of isobrick's rows are slower by more than {100 * (WORSE - 1):.0f} %: {joined(named)}."
-        if self.run["load"]["median"] > self.run["machine"]["cores"]:
-            words += (" Under such a load that is no proof, as rows on several threads suffer more than rows on one: measure again on a quiet "
-                      "machine, or run `tools/bench_guard.sh`.")
-        return words
-
     def volumes_words(self):
         words = []
         for volume in self.volumes.values():
@@ -176,20 +125,34 @@ class Page:
         names = list(dict.fromkeys(row["name"] for step, _ in steps for row in self.rows(step)))
         head, rows = [""], []
         for _, volume in steps:
-            head += [volume["title"], "last"]
+            head += [volume["title"]]
         for name in names:
             line = [title_of(name)]
             for step, _ in steps:
                 seconds = self.median(step, name)
                 ours = self.median(step, "isobrick, one thread" if name.endswith("one thread") else "isobrick")
                 ratio = "" if seconds is None or name.startswith("isobrick") else f" ({times(seconds / ours)}×)"
-                line += [ms(seconds) + ratio, ms(self.last(step, name))]
+                line += [ms(seconds) + ratio]
             peak = self.row(steps[0][0], name)
             rows.append([*line, mib(peak["peak_bytes"]) if peak else ""])
         triangles = [f"{self.row(step, 'isobrick')['triangles']:,} ({volume['title']})" for step, volume in steps]
         self.plots["extraction"] = plots.bars(
             [(f"{volume['title']}, {self.row(step, 'isobrick')['triangles']:,} triangles", self.bars_of(step)) for step, volume in steps], "ms")
         return table([*head, "peak MiB, first volume"], rows) + f"\n\nTriangles by isobrick: {joined(triangles)}."
+
+    def throughput(self):
+        steps = self.steps("extraction")
+        head, rows = [""], []
+        for _, volume in steps:
+            head += [f"{volume['title']}: Mtri/s", "Mvoxel/s"]
+        for name in ("isobrick", "vtkFlyingEdges3D", "openvdb-0"):
+            line = [title_of(name)]
+            for step, volume in steps:
+                seconds, x_y_z = self.median(step, name), volume["dimensions"]
+                line += ["", ""] if seconds is None else [f"{self.row(step, name)['triangles'] / seconds / 1e6:,.3g}",
+                                                         f"{math.prod(x_y_z) / seconds / 1e6:,.0f}"]
+            rows.append(line)
+        return table(head, rows)
 
     def extraction_words(self):
         words = []
@@ -203,20 +166,18 @@ class Page:
 
     def bars_of(self, step, key="seconds", scale=1000.0, names=None):
         rows = [row for row in self.rows(step) if key in row and (names is None or row["name"] in names)]
-        return [(title_of(row["name"]), scale * row[key]["median"],
-                 scale * self.last(step, row["name"], key) if self.last(step, row["name"], key) else None,
-                 is_ours(step, row["name"])) for row in rows]
+        return [(title_of(row["name"]), scale * row[key]["median"], is_ours(step, row["name"])) for row in rows]
 
     def queries(self):
         steps = self.steps("queries")
         head, rows = [""], []
         for _, volume in steps:
-            head += [f"{volume['title']}: triangles", "ms", "last", "read ÷ active"]
+            head += [f"{volume['title']}: triangles", "ms", "read ÷ active"]
         for name in dict.fromkeys(row["name"] for step, _ in steps for row in self.rows(step)):
             line = [name]
             for step, _ in steps:
                 row = self.row(step, name)
-                line += [f"{row['triangles']:,}", ms(row["seconds"]["median"]), ms(self.last(step, name)),
+                line += [f"{row['triangles']:,}", ms(row["seconds"]["median"]),
                          f"{row['bytes_read'] / row['bytes_active']:.2f}"]
             rows.append(line)
         def radii(step, value):
@@ -229,19 +190,18 @@ class Page:
     def progressive(self):
         title = self.volumes["head"]["title"]
         rows = [[f"{title}, {row['name']}", f"{row['first_triangles']:,}", ms(row["first"]["median"]),
-                 ms(self.last("progressive", row["name"], "first")), f"{row['triangles']:,}", ms(row["last"]["median"]),
-                 ms(self.last("progressive", row["name"], "last"))] for row in self.rows("progressive")]
-        return table(["", "first surface: triangles", "ms", "last", "whole: triangles", "ms", "last"], rows)
+                 f"{row['triangles']:,}", ms(row["last"]["median"])] for row in self.rows("progressive")]
+        return table(["", "first surface: triangles", "ms", "whole: triangles", "ms"], rows)
 
     def cold_words(self):
         return f"The finest surface of the {self.volumes['head']['title']} after its files were dropped from the page cache."
 
     def cold(self):
-        rows = [[title_of(row["name"]), ms(row["seconds"]["median"]), ms(self.last("cold", row["name"])),
+        rows = [[title_of(row["name"]), ms(row["seconds"]["median"]),
                  mib(row["bytes_read"]) if "bytes_read" in row else "", ms(row["read"]["median"]) if "read" in row else ""]
                 for row in self.rows("cold")]
         self.plots["cold"] = plots.bars([(f"{self.volumes['head']['title']}, cold", self.bars_of("cold"))], "ms")
-        return table(["", "ms", "last", "MiB read", "reading alone, ms"], rows)
+        return table(["", "ms", "MiB read", "reading alone, ms"], rows)
 
     def building_words(self):
         volume = self.volumes["head"]
@@ -252,41 +212,38 @@ class Page:
         rows = []
         for row in self.rows("building"):
             seconds = row["seconds"]["median"]
-            rows.append([row["name"], sec(seconds), sec(self.last("building", row["name"])), f"{raw / seconds / 1e6:,.0f}",
+            rows.append([row["name"], sec(seconds), f"{raw / seconds / 1e6:,.0f}",
                          sec(row["write"]["median"]) if "write" in row else "", f"{row['bytes'] / raw:.2f}", mib(row["peak_bytes"])])
         self.plots["building"] = plots.bars([(self.volumes["head"]["title"], self.bars_of("building", scale=1.0))], "s")
-        return table(["", "s", "last", "MB/s", "copy, s", "bytes ÷ voxels", "peak MiB"], rows)
+        return table(["", "s", "MB/s", "copy, s", "bytes ÷ voxels", "peak MiB"], rows)
 
     def memory_words(self):
         volume = self.volumes["head"]
         return f"The {volume['title']} has {mib(volume['bytes'])} MiB of voxels; *extract* writes its finest surface into a PLY."
 
     def memory(self):
-        rows = [[f"`{row['name']}`", mib(row["peak_bytes"]),
-                 mib(self.last("memory", row["name"], "peak_bytes")) if self.last("memory", row["name"], "peak_bytes") else "",
-                 sec(row["seconds"]["median"]), sec(self.last("memory", row["name"]))] for row in self.rows("memory")]
+        rows = [[f"`{row['name']}`", mib(row["peak_bytes"]), sec(row["seconds"]["median"])] for row in self.rows("memory")]
         def peaks(step, keep):
-            return [(title_of(row["name"]), row["peak_bytes"] / 2**20, (self.last(step, row["name"], "peak_bytes") or 0) / 2**20 or None,
-                     is_ours(step, row["name"])) for row in self.rows(step) if keep(row["name"])]
+            return [(title_of(row["name"]), row["peak_bytes"] / 2**20, is_ours(step, row["name"]))
+                    for row in self.rows(step) if keep(row["name"])]
         title = self.volumes["head"]["title"]
         self.plots["memory"] = plots.bars(
             [(f"{title}, bounded", peaks("memory", lambda name: True)),
              (f"{title}, the finest surface into memory", peaks("extraction-head", lambda name: not name.endswith("one thread"))),
              (f"{title}, a pyramid", peaks("building", lambda name: "none" not in name and "zstd" not in name))],
             "MiB", logarithmic=False)
-        return table(["", "peak MiB", "last", "s", "last"], rows)
+        return table(["", "peak MiB", "s"], rows)
 
     def conversion_words(self):
         volume = self.volumes["convert"]
         return f"From a pyramid of the {volume['title']} ({volume['bytes'] / 1e6:,.0f} MB of voxels, lz4) to other formats."
 
     def conversion(self):
-        rows = [[row["name"], sec(row["seconds"]["median"]), sec(self.last("conversion", row["name"])),
-                 sec(row["back"]["median"]) if "back" in row else "", sec(self.last("conversion", row["name"], "back")),
+        rows = [[row["name"], sec(row["seconds"]["median"]), sec(row["back"]["median"]) if "back" in row else "",
                  f"{row['bytes'] / 1e6:,.0f}", mib(row["peak_bytes"]) if "peak_bytes" in row else ""] for row in self.rows("conversion")]
         self.plots["conversion"] = plots.bars([("from a pyramid", self.bars_of("conversion", scale=1.0)),
                                                ("to a pyramid", self.bars_of("conversion", "back", 1.0))], "s")
-        return table(["", "into: s", "last", "back: s", "last", "MB", "peak MiB"], rows)
+        return table(["", "into: s", "back: s", "MB", "peak MiB"], rows)
 
     def simplification(self):
         kinds = ("simplify-1", "openvdb-0.5", "vtkQuadricDecimation-0.85", "vtkDecimatePro-0.85")
@@ -296,13 +253,13 @@ class Page:
                 row = self.row(step, name)
                 if row:
                     rows.append([f"{volume['title']}, {name}", f"{row['triangles']:,}", f"{row['mean']:.3f}", f"{row['greatest']:.2f}",
-                                 sec(row["seconds"]["median"]), sec(self.last(step, name))])
+                                 sec(row["seconds"]["median"])])
             families = {}
             for row in self.rows(step):
                 families.setdefault(row["name"].rsplit("-", 1)[0], []).append((row["mean"], row["triangles"]))
             panels.append((f"{volume['title']} at {volume['isovalue']:g}", families))
         self.plots["simplification"] = plots.curves(panels, "mean distance, voxels", "triangles")
-        return table(["", "triangles", "mean", "greatest", "s", "last"], rows)
+        return table(["", "triangles", "mean", "greatest", "s"], rows)
 
     def python_words(self):
         if not self.rows("python"):
@@ -316,12 +273,12 @@ class Page:
         for row in self.rows("python"):
             name = "isobrick from Python" if row["name"] == "PyPI isobrick" else "`isobrick bench`" if row["name"] == "isobrick" else title_of(row["name"])
             rows.append([name, f"{row['triangles']:,}" if "triangles" in row else "", ms(row["seconds"]["median"]),
-                         ms(self.last("python", row["name"])), mib(row["peak_bytes"]) if "peak_bytes" in row else ""])
+                         mib(row["peak_bytes"]) if "peak_bytes" in row else ""])
         surfaces = [row["name"] for row in self.rows("python") if "triangles" in row]
         named = [(name.replace("isobrick (PyPI)", "isobrick from Python"), *rest) for name, *rest in self.bars_of("python", names=surfaces)]
         if named:
             self.plots["python"] = plots.bars([(self.volumes["python"]["title"], named)], "ms")
-        return table(["", "triangles", "ms", "last", "peak MiB"], rows) if rows else ""
+        return table(["", "triangles", "ms", "peak MiB"], rows) if rows else ""
 
     # ---- all of it -----------------------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 import math
 
-OURS, PEER, LAST, GRID = "#1f5fa8", "#b9bec6", "#c0392b", "#dddddd"
+OURS, PEER, GRID = "#1f5fa8", "#b9bec6", "#dddddd"
 CURVES = ["#1f5fa8", "#d58a00", "#2e8b57", "#8e44ad", "#c0392b", "#555555"]
 
 
@@ -74,11 +74,11 @@ BAR, NAMES, PANEL, FOOT = 20, 210, 430, 34
 
 
 def bars(panels, unit, logarithmic=True):
-    """Panels of bars below each other: [(title, [(name, value, last value or None, is ours)])]. A logarithmic axis begins
+    """Panels of bars below each other: [(title, [(name, value, is ours)])]. A logarithmic axis begins
     at half of the least value."""
     parts, y = [], 8
     for title, rows in panels:
-        values = [v for _, value, last, _ in rows for v in (value, last) if v]
+        values = [value for _, value, _ in rows]
         scale = (Scale([*values, min(values) / 2], NAMES, NAMES + PANEL) if logarithmic
                  else LinearScale(values, NAMES, NAMES + PANEL))
         parts.append(text(NAMES, y + 14, title, bold=True))
@@ -88,20 +88,17 @@ def bars(panels, unit, logarithmic=True):
             parts += [line(scale(mark), top, scale(mark), bottom + 4),
                       text(scale(mark), bottom + 17, short_mark(mark), "middle", 11, "#555555")]
         parts.append(text(NAMES + PANEL + 40, bottom + 17, unit, size=11, color="#555555"))
-        for name, value, last, ours in rows:
+        for name, value, ours in rows:
             parts.append(text(NAMES - 8, y + 14, name, "end"))
             parts.append(f'<rect x="{NAMES}" y="{y + 3}" width="{max(scale(value) - NAMES, 1):.1f}" height="{BAR - 6}" '
                          f'fill="{OURS if ours else PEER}"/>')
-            parts.append(text(max(scale(value), scale(last) if last else 0) + 5, y + 14, short(value), size=11))
-            if last:
-                parts.append(line(scale(last), y + 1, scale(last), y + BAR - 1, LAST, 2.0))
+            parts.append(text(scale(value) + 5, y + 14, short(value), size=11))
             y += BAR
         y += FOOT
     parts += [f'<rect x="{NAMES}" y="{y}" width="14" height="12" fill="{OURS}"/>', text(NAMES + 20, y + 10, "isobrick", size=11),
-              f'<rect x="{NAMES + 90}" y="{y}" width="14" height="12" fill="{PEER}"/>', text(NAMES + 110, y + 10, "others", size=11),
-              line(NAMES + 180, y - 1, NAMES + 180, y + 13, LAST, 2.0), text(NAMES + 188, y + 10, "the last run", size=11)]
+              f'<rect x="{NAMES + 90}" y="{y}" width="14" height="12" fill="{PEER}"/>', text(NAMES + 110, y + 10, "others", size=11)]
     if logarithmic:
-        parts.append(text(NAMES + 280, y + 10, "logarithmic axis", size=11, color="#555555"))
+        parts.append(text(NAMES + 180, y + 10, "logarithmic axis", size=11, color="#555555"))
     y += 22
     return picture(NAMES + PANEL + 70, y, parts)
 
