@@ -5,7 +5,7 @@
 #
 #   limited_memory.sh [SIZE] [MIB...]
 #
-# Of what is left beside 128 MiB (libraries of the software renderer, pictures) half goes to --memory, half to --gpu-memory. $ISOBRICK is the program. All is written in
+# Of what is left beside 192 MiB (libraries of the software renderer, pictures) half goes to --memory, half to --gpu-memory. $ISOBRICK is the program. All is written in
 # $ISOBRICK_WORK (default: the system's folder for temporary files); needs a memory cgroup, and Xvfb for ParaView.
 set -euo pipefail
 size=${1:-1024}
@@ -20,10 +20,10 @@ tools=$(cd "$(dirname "$0")" && pwd)
 echo "| | group, MiB | first picture, s | surfaces | age of a surface, ms: median, 99 % | a frame, ms: median, 99 % | peak, MiB |"
 echo "|---|--:|--:|--:|--:|--:|--:|"
 for limit in "${groups[@]}"; do
-  share=$(((limit - 128) / 2))
+  share=$(((limit - 192) / 2))
   ISOBRICK_PYRAMID=$work/head.isb ISOBRICK_REPORT=$work/report.json "$tools/drag_bound.sh" "$size" $share $share >"$work/log" ||
     { cat "$work/log"; exit 1; }
-  python3 - "$work/report.json" "$limit" "$(sed -n 's/^in the group at most \([0-9]*\).*/\1/p' "$work/log")" <<'PYTHON'
+  python3 - "$work/report.json" "$limit" <<'PYTHON'
 import json, statistics, sys
 report = json.load(open(sys.argv[1]))
 def spread(values):
@@ -31,7 +31,7 @@ def spread(values):
 first = next(f["seconds"] for f in report["each_frame"] if f["triangles"] > 0)
 ages = [s["total_ms"] for s in report["each_surface"]]
 frames = [f["interface_ms"] + f["draw_ms"] for f in report["each_frame"]]
-print(f"| isobrick | {sys.argv[2]} | {first:.2f} | {len(ages):,} | {spread(ages)} | {spread(frames)} | {sys.argv[3]} |", flush=True)
+print(f"| isobrick | {sys.argv[2]} | {first:.2f} | {len(ages):,} | {spread(ages)} | {spread(frames)} | {report['peak_rss_bytes'] >> 20} |", flush=True)
 PYTHON
 done
 

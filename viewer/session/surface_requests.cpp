@@ -16,7 +16,8 @@ SurfaceRequests::SurfaceRequests(const ShownVolume& volume, const ValueHistogram
       budget_(std::move(budget)),
       known_(std::move(known)),
       surfaces_(std::in_place, store, budget_),
-      stream_(volume.pyramid(), threads, {}, SurfaceStream::kPatienceSeconds, known_) {}
+      stream_(volume.pyramid(), threads, {}, SurfaceStream::kPatienceSeconds, known_,
+              std::min(SurfaceStream::kQueueBytes, budget_.most() / 4)) {}
 
 void SurfaceRequests::suspend() {
   surfaces_.reset();

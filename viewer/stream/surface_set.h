@@ -44,6 +44,7 @@ class ChunkBudget {
  public:
   ChunkBudget(std::uint64_t most) : most_(most) {}
 
+  std::uint64_t most() const { return most_; }
   std::uint64_t used() const { return *used_; }
   bool hasRoomFor(std::uint64_t bytes) const { return *used_ + bytes <= most_; }
   void take(std::uint64_t bytes) noexcept { *used_ += bytes; }

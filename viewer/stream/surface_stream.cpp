@@ -30,12 +30,13 @@ StreamRequest requestOf(const Query& query) {
 
 SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
                              std::function<void()> on_news, double patience_seconds,
-                             std::shared_ptr<KnownComponents> known)
+                             std::shared_ptr<KnownComponents> known, std::uint64_t queue_bytes)
     : pyramid_(std::move(pyramid)),
       threads_(std::max(1, threads)),
       on_news_(std::move(on_news)),
       least_patience_(patience_seconds),
       known_(known ? std::move(known) : std::make_shared<KnownComponents>()),
+      most_queue_bytes_(queue_bytes),
       extractor_(*pyramid_),
       patience_(patience_seconds),
       thread_([this] { run(); }) {}
@@ -174,9 +175,9 @@ std::optional<StreamMessage> SurfaceStream::takeLost() {
 
 void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
   std::unique_lock lock(mutex_);
-  if (queue_bytes_ >= kQueueBytes) {
+  if (queue_bytes_ >= most_queue_bytes_) {
     const double begin = clockSeconds();
-    room_.wait(lock, [&] { return queue_bytes_ < kQueueBytes || cancel.requested(); });
+    room_.wait(lock, [&] { return queue_bytes_ < most_queue_bytes_ || cancel.requested(); });
     waited_ += clockSeconds() - begin;
   }
   if (cancel.requested()) throw Cancelled();

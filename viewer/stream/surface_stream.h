@@ -147,7 +147,7 @@ struct StreamMessage {
 // for longer than the patience; else when its first pass is answered, so that a user who never
 // rests sees surfaces all the same. The patience doubles whenever it ends a first pass, and is
 // reset when one is done: so on a slow or busy machine one gets through sooner or later. The queue
-// holds at most kQueueBytes; the extraction waits if the interface is slower. Messages in it of
+// is bounded; the extraction waits if the interface is slower. Messages in it of
 // passes that no user waits for are dropped with the next request, which they would delay.
 class SurfaceStream {
  public:
@@ -163,10 +163,12 @@ class SurfaceStream {
   // a message that a newer request has dropped since. It wakes the interface and does nothing else:
   // it must neither wait, throw, nor call the stream, and lives as long as the stream.
   //
-  // `known`: the lists of components that it uses and adds to; null: its own.
+  // `known`: the lists of components that it uses and adds to; null: its own. The queue holds at
+  // most `queue_bytes`, and a chunk.
   SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
                 std::function<void()> on_news = {}, double patience_seconds = kPatienceSeconds,
-                std::shared_ptr<KnownComponents> known = {});
+                std::shared_ptr<KnownComponents> known = {},
+                std::uint64_t queue_bytes = kQueueBytes);
   // Cancels the work under way, and waits for its end.
   ~SurfaceStream();
   SurfaceStream(const SurfaceStream&) = delete;
@@ -224,6 +226,7 @@ class SurfaceStream {
   const std::function<void()> on_news_;
   const double least_patience_;
   const std::shared_ptr<KnownComponents> known_;
+  const std::uint64_t most_queue_bytes_;
   // For the thread alone:
   Extractor extractor_;  // keeps its memory from pass to pass
   StreamValues values_wanted_;
