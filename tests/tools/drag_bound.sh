@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # The minute of dragging of docs/viewer_drag.json in a head phantom of SIZE^3 voxels, without a window,
-# inside a memory cgroup of --memory, --gpu-memory and 64 MiB, which kills a process that holds more;
+# inside a memory cgroup (default: of --memory, --gpu-memory and 64 MiB), which kills a process that holds more;
 # where no group can be made, the process's own peak is compared with the limit:
 #
-#   drag_bound.sh SIZE MEMORY_MIB GPU_MEMORY_MIB
+#   drag_bound.sh SIZE MEMORY_MIB GPU_MEMORY_MIB [LIMIT_MIB]
 #
 # The script's places and radii, made for 512^3, are scaled to SIZE. Prints the spreads of the report, and for the
 # oldest surfaces what their age went into. $ISOBRICK is the program; all is written in $ISOBRICK_WORK
@@ -13,7 +13,7 @@
 set -euo pipefail
 
 size=$1 memory_mib=$2 gpu_memory_mib=$3
-limit=$((memory_mib + gpu_memory_mib + 64))
+limit=${4:-$((memory_mib + gpu_memory_mib + 64))}
 tools=$(cd "$(dirname "$0")" && pwd)
 source "$tools/memory_group.sh"
 

@@ -5,7 +5,7 @@
 #
 #   limited_memory.sh [SIZE] [MIB...]
 #
-# Of what is left beside 224 MiB (libraries of the software renderer, pictures) half goes to --memory, half to --gpu-memory. $ISOBRICK is the program. All is written in
+# Of what is left beside 192 MiB (libraries of the software renderer, pictures) half goes to --memory, half to --gpu-memory. $ISOBRICK is the program. All is written in
 # $ISOBRICK_WORK (default: the system's folder for temporary files); needs a memory cgroup, and Xvfb for ParaView.
 set -euo pipefail
 size=${1:-1024}
@@ -20,8 +20,8 @@ tools=$(cd "$(dirname "$0")" && pwd)
 echo "| | group, MiB | first picture, s | surfaces | age of a surface, ms: median, 99 % | a frame, ms: median, 99 % | peak, MiB |"
 echo "|---|--:|--:|--:|--:|--:|--:|"
 for limit in "${groups[@]}"; do
-  share=$(((limit - 224) / 2))
-  ISOBRICK_PYRAMID=$work/head.isb ISOBRICK_REPORT=$work/report.json "$tools/drag_bound.sh" "$size" $share $share >"$work/log" ||
+  share=$(((limit - 192) / 2))
+  ISOBRICK_PYRAMID=$work/head.isb ISOBRICK_REPORT=$work/report.json "$tools/drag_bound.sh" "$size" $share $share "$limit" >"$work/log" ||
     { echo "| isobrick | $limit | $(head -n 1 "$work/log") | | | | |"; continue; }
   python3 - "$work/report.json" "$limit" <<'PYTHON'
 import json, statistics, sys
@@ -36,7 +36,7 @@ PYTHON
 done
 
 command -v pvpython >/dev/null || { echo "ParaView is not installed" >&2; exit 0; }
-cat >"$work/paraview.py" <<'PYTHON'
+cat >"$work/drag.py" <<'PYTHON'
 import statistics, sys, time
 from paraview.simple import Contour, GetActiveViewOrCreate, OpenDataFile, Render, ResetCamera, Show
 begin = time.time()
@@ -62,10 +62,11 @@ for limit in "${groups[@]}"; do
   dd if="$work/head.raw" iflag=nocache count=0 status=none
   make_group "$limit"
   status=0
-  DISPLAY=$display in_group pvpython "$work/paraview.py" "$work/head.mhd" >"$work/log" 2>&1 || status=$?
+  DISPLAY=$display in_group pvpython "$work/drag.py" "$work/head.mhd" >"$work/log" 2>&1 || status=$?
   if [ $status = 0 ]; then row="$(tail -n 1 "$work/log") | $(($(cat "$peak_file") >> 20))"
   else row="ends with status $status | | | | "; fi
   echo "| ParaView | $limit | $row |"
   [ $status = 0 ] || tail -n 2 "$work/log" >&2
+  sleep 1  # until the killed one is gone
   rmdir "$group"
 done
