@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Draws the house: which folder includes which, as a graph in Mermaid, and for each folder its files,
-# lines, longest function and longest class. docs/lab/house.md shows what this prints.
+# lines, longest function and longest class.
 #   tests/house/picture.sh            of the working tree
 #   tests/house/picture.sh COMMIT     of a commit
 set -euo pipefail
