@@ -14,7 +14,7 @@ namespace {
 
 static_assert(kMostPackedBytes == BLOSC_MAX_BUFFERSIZE);
 
-// ---- which parameters; docs/lab/size_and_codec.md has the figures behind them ----
+// ---- which parameters; docs/lab.md has those that were tried ----
 
 struct BloscSetting {
   const char* compressor;

@@ -22,7 +22,7 @@ namespace isobrick {
 // query for that.
 //
 // Kinds and levels are treated alike: to let ranges or coarse levels go last made traces of sweeps,
-// focus points and dragging read 6 % less to 17 % more (docs/lab/reading.md).
+// focus points and dragging read 6 % less to 17 % more (docs/lab.md).
 //
 // While no query was announced nothing settles, and the part that was taken longest ago goes; one
 // that was taken twice stays for one more round.

@@ -43,7 +43,7 @@ class ReadAhead {
   // Enough for a disk that serves several requests at once; they wait more than they work.
   static constexpr std::size_t kThreads = 4;
   static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
-  // Samples that are announced and not being fetched yet: more gain nothing (docs/lab/reading.md),
+  // Samples that are announced and not being fetched yet: more gain nothing (docs/lab.md),
   // and what is announced cannot be taken back from the system.
   static constexpr std::size_t kMostAnnounced = 16;
   // Bricks whose ranges are announced before the first of them is looked at.

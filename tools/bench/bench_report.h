@@ -27,7 +27,7 @@ BenchScene makeBenchScene(const Index3& voxels, const std::string& voxel_type);
 double machineLoad();
 
 // {"file", "isovalue", ..., "rows": [{"name", "triangles", "threads", "seconds": {...}, ...}]}: see
-// docs/lab/bench_command.md. A row that was given up has its name and settings, and "failure".
+// docs/lab.md. A row that was given up has its name and settings, and "failure".
 Json jsonOfBench(const BenchSettings& settings, const BenchScene& scene,
                  const std::vector<BenchRow>& rows);
 
