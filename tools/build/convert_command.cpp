@@ -340,18 +340,15 @@ Command addConvertCommand(CLI::App& app) {
                 "Of a pyramid, beside each level in a .vdb the least and the greatest value of "
                 "every tile: grids min, max, min_level1, ...");
   sub->add_flag("--with-curvature", arguments->with_curvature,
-                "Of a pyramid, in a .vdb the curvature bounds of all cells of level 1: grids "
-                "curvature_c0, curvature_c1 and curvature_c2");
+                "Of a pyramid, in a .vdb the curvature bounds of all blocks of level 0: grids "
+                "curvature_0 to curvature_7");
   sub->add_flag(
       "--lossy", arguments->write.is_lossy,
       "Write values in a type that changes them by more than a thousandth of their range");
   beginGroup(*sub, kPyramidGroup);
   addStoredOptions(*sub, arguments->build);
   beginGroup(*sub, kOutputGroup);
-  addForceFlag(*sub, arguments->force)
-      ->description(
-          "Replace what has the name of the output, of an HDF5 file the dataset alone; never an "
-          "input. A dataset goes into a copy of the file, which takes its place in the end");
+  addForceFlag(*sub, arguments->force);
   beginGroup(*sub, kResourceGroup);
   addMemoryOption(*sub, arguments->build.memory_bytes);
   addNoMapFlag(*sub, arguments->no_map);
