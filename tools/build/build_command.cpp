@@ -253,7 +253,7 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
                   "Cells per tile (smallest block with a value range), a power of two; default: 4");
   addParsedOption(
       sub, "--curvature-epsilon", options.curvature_epsilon, numberFrom(0), "E",
-      "Samples with a gradient below E x the range of their tile do not count for the curvature; "
+      "Samples with a gradient below E x the range of their block do not count for the curvature; "
       "default: 1/64");
   addParsedOption(sub, "--nan-as", options.nan_as, parseSingle, "V",
                   "Value to put where voxels are NaN or infinite; without it they are refused");
