@@ -566,6 +566,19 @@ TEST_F(ViewSessionTest, WhatARendererLostIsMadeAgainInAnother) {
   }
 }
 
+// The first surface after a loss is bounded by what was drawn slowly before, and is not the last.
+TEST_F(ViewSessionTest, WhatWasGivenUpAfterALossBecomesFineAfterARest) {
+  settle();
+  session_->state().wireframe = true;
+  ASSERT_TRUE(session_->draw());
+  session_->noteDrawing(1.0);
+  session_->suspend();
+  renderer_ = NullRenderer();
+  session_->resume(renderer_);
+  settle();
+  EXPECT_EQ(trianglesShown(), trianglesOfAll());
+}
+
 TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
   ViewState& state = session_->state();
   state.slices[0] = {true, 12.0};
