@@ -282,8 +282,10 @@ def test_vtk():
             mesh = mesh_of(read(vtkXMLPolyDataReader(), name))
             assert mesh.levels is not None
             expect_same(mesh, ply)
-        if place is OBLIQUE:  # its OBJ reader knows floats only
-            expect_same(mesh_of(read(vtkOBJReader(), "m.obj")), ply)
+        if place is OBLIQUE:  # its OBJ reader knows floats only, or, since VTK 9.2, makes doubles of their digits
+            obj = mesh_of(read(vtkOBJReader(), "m.obj"))
+            obj.positions = obj.positions.astype(np.float32)
+            expect_same(obj, ply)
         blocks = read(vtkGLTFReader(), "m.glb")
         while not blocks.IsA("vtkPolyData"):
             assert blocks.GetNumberOfBlocks() == 1
