@@ -78,8 +78,8 @@ TEST_F(SurfaceStreamTest, AHandThatNeverRestsSeesSurfacesOnASlowMachineToo) {
   for (int dropped = 0; done < 3 && dropped < 1000;) {
     stream.request({{pass(40.0)}});
     while (const auto message = stream.poll()) {
-      dropped += message->kind == MessageKind::kDropped;
-      done += message->kind == MessageKind::kPassDone;
+      dropped += message->kind == StreamMessage::Kind::kDropped;
+      done += message->kind == StreamMessage::Kind::kPassDone;
     }
   }
   EXPECT_GE(done, 3);
