@@ -44,6 +44,8 @@ struct GridGeometry {
   glm::dmat3 indexToWorldMatrix() const {
     return glm::dmat3(direction[0] * spacing.x, direction[1] * spacing.y, direction[2] * spacing.z);
   }
+  // Of the three axes: the unit of lengths that are given in voxels.
+  double leastSpacing() const { return std::min({spacing.x, spacing.y, spacing.z}); }
   // From voxel indices, which need not be whole, to the world.
   glm::dvec3 indexToWorld(const glm::dvec3& index) const {
     return origin + direction * (spacing * index);

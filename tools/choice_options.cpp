@@ -25,10 +25,6 @@ double parseFieldOfView(const std::string& text) {
   return degrees;
 }
 
-double leastSpacing(const GridGeometry& geometry) {
-  return std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
-}
-
 ViewPoint makeView(const ChoiceOptions& options) {
   ViewPoint view;
   view.eye = *options.eye;
@@ -124,7 +120,7 @@ DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid&
   if (options.focus) {
     choice.focus.emplace();
     choice.focus->center = world ? geometry.worldToIndex(*options.focus) : *options.focus;
-    choice.focus->radius = world ? *options.radius / leastSpacing(geometry) : *options.radius;
+    choice.focus->radius = world ? *options.radius / geometry.leastSpacing() : *options.radius;
   }
   choice.uniform_level = options.level;
   choice.curvature_tolerance = options.curvature_tolerance;

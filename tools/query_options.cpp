@@ -197,12 +197,10 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
     refuseBoxOutside(*query.box, pyramid, withoutSecrets(options.input.path));
   }
   if (options.simplify && options.simplify->in_world && geometry.unit == LengthUnit::kUnknown) {
-    const glm::dvec3& spacing = geometry.spacing;
     throw Error(fmt::format(
         "a distance of {} mm: the unit of '{}' is unknown; give it in voxels, whose least spacing "
         "is {}",
-        options.simplify->distance, withoutSecrets(options.input.path),
-        std::min({spacing.x, spacing.y, spacing.z})));
+        options.simplify->distance, withoutSecrets(options.input.path), geometry.leastSpacing()));
   }
   query.simplify = options.simplify;
   query.cancel = &interruptFlag();

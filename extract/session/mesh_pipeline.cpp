@@ -31,7 +31,7 @@ std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
   if (!options) return std::nullopt;
   // The world in units of the least spacing: squares of squares of its own might leave the floats.
   const glm::dvec3& spacing = context.pyramid.spec().geometry.spacing;
-  const double unit = std::min({spacing.x, spacing.y, spacing.z});
+  const double unit = context.pyramid.spec().geometry.leastSpacing();
   SimplifySpace space{.distance = static_cast<float>(options->in_world ? options->distance / unit
                                                                        : options->distance),
                       .drops_small = options->drop_small};

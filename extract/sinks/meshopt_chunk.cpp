@@ -83,8 +83,7 @@ PositionLattice PositionLattice::of(const MeshFrame& frame) {
     const glm::dvec3 away = glm::abs(corner - lattice.center);
     reach = std::max({reach, away.x, away.y, away.z});
   }
-  const glm::dvec3& spacing = geometry.spacing;
-  const double finest = std::min({spacing.x, spacing.y, spacing.z}) / 8192;
+  const double finest = geometry.leastSpacing() / 8192;
   lattice.exponent = static_cast<int>(std::floor(std::log2(finest)));
   while (reach / lattice.step() > kMostSteps - 1) ++lattice.exponent;
   return lattice;

@@ -23,8 +23,7 @@ class StlSink : public MeshFileSink {
     MeshFrame shifted = frame;
     shifted.geometry.origin += shift_;
     placement_ = WorldPlacement(shifted.geometry);
-    const glm::dvec3& spacing = frame.geometry.spacing;
-    voxel_ = std::min({spacing.x, spacing.y, spacing.z});
+    voxel_ = frame.geometry.leastSpacing();
     is_far_ = shifted.coordinateMagnitudeInVoxels() >= 2048;
     // Must not begin with "solid", by which readers recognise ASCII STL.
     std::string header = "isobrick; units: ";

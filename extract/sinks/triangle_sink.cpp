@@ -9,8 +9,7 @@ double MeshFrame::coordinateMagnitudeInVoxels() const {
   double greatest = 0;
   for (const glm::dvec3& world : worldCorners(geometry, voxels))
     greatest = std::max({greatest, std::abs(world.x), std::abs(world.y), std::abs(world.z)});
-  const double spacing = std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
-  return greatest / spacing;
+  return greatest / geometry.leastSpacing();
 }
 
 }  // namespace isobrick

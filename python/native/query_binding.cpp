@@ -36,10 +36,6 @@ std::optional<T> optionalOf(const nb::object& settings, const char* name) {
   return nb::cast<std::optional<T>>(settings.attr(name));
 }
 
-double leastSpacing(const GridGeometry& geometry) {
-  return std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
-}
-
 // A `View` of Python.
 ViewPoint readView(const nb::object& from) {
   ViewPoint view;
@@ -64,7 +60,7 @@ DetailChoice readDetail(const nb::object& from, const GridGeometry& geometry, bo
     const glm::dvec3 center = vectorOf(*focus);
     choice.focus =
         indices ? FocusSphere{center, radius}
-                : FocusSphere{geometry.worldToIndex(center), radius / leastSpacing(geometry)};
+                : FocusSphere{geometry.worldToIndex(center), radius / geometry.leastSpacing()};
   }
   choice.uniform_level = optionalOf<int>(from, "level");
   choice.curvature_tolerance = optionalOf<double>(from, "curvature");

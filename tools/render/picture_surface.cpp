@@ -61,8 +61,7 @@ PictureSurface extractPictureSurface(QueryOptions options, bool by_component) {
   warnOfEmptySurface(options, pyramid);
   if (query.focus)
     result.focus = {geometry.indexToWorld(query.focus->center),
-                    query.focus->radius *
-                        std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z})};
+                    query.focus->radius * geometry.leastSpacing()};
   return result;
 }
 

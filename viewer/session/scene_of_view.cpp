@@ -72,8 +72,7 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
         if ((i & axis) == 0) frame.segments.push_back({corners[i], corners[i | axis]});
   }
   if (state.focus.show_sphere && !state.focus.everywhere) {
-    const glm::dvec3& spacing = volume.geometry.spacing;
-    const double radius = state.focus.radius * std::min({spacing.x, spacing.y, spacing.z});
+    const double radius = state.focus.radius * volume.geometry.leastSpacing();
     const glm::dvec3 center = volume.geometry.indexToWorld(state.focus.center);
     frame.sphere = SphereOutline{center, radius};
     frame.fill_sphere = true;

@@ -60,8 +60,6 @@ std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& vol
   std::vector<SceneHandle> handles;
   if (!state.show_handles || picture.pixels.x < 1.0 || picture.pixels.y < 1.0) return handles;
   const PlacedCamera camera = placedIn(state.camera, picture);
-  const glm::dvec3& spacing = volume.geometry.spacing;
-  const double least_spacing = std::min({spacing.x, spacing.y, spacing.z});
   const auto add = [&](SceneHandle handle) {
     const double reach =
         camera.orthographic ? 1.0 : glm::dot(handle.foot - camera.eye, camera.forward);
@@ -69,7 +67,7 @@ std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& vol
     const double pixels =
         handle.kind == SceneHandle::Kind::kFocus ? kFocusArmPixels : kPlaneArmPixels;
     const double arm = handle.kind == SceneHandle::Kind::kRadius
-                           ? state.focus.radius * least_spacing
+                           ? state.focus.radius * volume.geometry.leastSpacing()
                            : pixels * picture.scale * per_pixel;
     const auto foot = pixelOf(camera, picture.pixels, handle.foot);
     const auto tip = pixelOf(camera, picture.pixels, handle.foot + handle.direction * arm);
@@ -131,8 +129,7 @@ void pull(const SceneHandle& handle, double by, const ViewVolume& volume, ViewSt
     state.focus.center = volume.geometry.worldToIndex(to);
     state.focus.follow_view = false;
   } else if (handle.kind == SceneHandle::Kind::kRadius) {
-    const glm::dvec3& spacing = volume.geometry.spacing;
-    state.focus.radius = by / std::min({spacing.x, spacing.y, spacing.z});
+    state.focus.radius = by / volume.geometry.leastSpacing();
   } else {
     const auto number = static_cast<std::size_t>(handle.number);
     if (number >= state.clip_planes.size()) return;

@@ -115,8 +115,7 @@ class GradientValues : public ChunkValues {
       : pyramid_(pyramid),
         to_world_(glm::transpose(glm::inverse(pyramid.spec().geometry.indexToWorldMatrix()))) {
     const RealRange values = pyramid.realRange();
-    const glm::dvec3& spacing = pyramid.spec().geometry.spacing;
-    greatest_ = (values.max - values.min) / std::min({spacing.x, spacing.y, spacing.z});
+    greatest_ = (values.max - values.min) / pyramid.spec().geometry.leastSpacing();
   }
 
   std::array<double, 2> range() const override { return {0.0, greatest_}; }
