@@ -181,7 +181,7 @@ class ViewSession {
   void updateOpening();
   void updatePieces(double seconds);
   AskedView askedView() const {
-    // Pieces are listed for each level that is shown alone, so coarse passes stay of several.
+    // A coarse level alone has no colours of pieces, and takes a list of its own for chosen ones.
     const bool has_pieces =
         state_.coloring == ViewColoring::kComponent ||
         std::any_of(state_.surfaces.begin(), state_.surfaces.end(),

@@ -11,7 +11,7 @@
 namespace isobrick {
 namespace {
 
-double edgesAt(const GradientSpectrum& spectrum, double value) {
+double crossedEdges(const GradientSpectrum& spectrum, double value) {
   const double part = std::floor((value - static_cast<double>(spectrum.first)) /
                                  static_cast<double>(spectrum.width));
   // Beyond the parts there is nothing but the least, or the greatest voxel.
@@ -25,12 +25,12 @@ double edgesAt(const GradientSpectrum& spectrum, double value) {
 
 }  // namespace
 
-double ValueHistogram::trianglesAt(double isovalue) const {
+double ValueHistogram::edgesAt(double isovalue) const {
   if (edges.empty() || !std::isfinite(isovalue)) return 0.0;
   const double share = (isovalue - least) / std::max(greatest - least, 1e-30);
   const double last = static_cast<double>(edges.size()) - 1.0;
   const double part = std::clamp(share * (last + 1.0), 0.0, last);
-  return 2.0 * edges[static_cast<std::size_t>(part)];
+  return edges[static_cast<std::size_t>(part)];
 }
 
 double ValueHistogram::total() const { return std::accumulate(counts.begin(), counts.end(), 0.0); }
@@ -44,7 +44,7 @@ ValueHistogram histogramOf(const Pyramid& pyramid, std::size_t bins) {
       pyramid.histogram().inEqualParts(least, greatest > least ? greatest : least + 1.0, bins);
   if (const auto spectrum = pyramid.parts().tables().gradients())
     for (std::size_t i = 0; i < bins; ++i)
-      histogram.edges.push_back(edgesAt(
+      histogram.edges.push_back(crossedEdges(
           *spectrum,
           least + (static_cast<double>(i) + 0.5) * (greatest - least) / static_cast<double>(bins)));
   for (const IsovalueSuggestion& suggestion : suggestIsovalues(pyramid).values)

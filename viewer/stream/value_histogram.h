@@ -19,8 +19,10 @@ struct ValueHistogram {
   std::vector<double> isovalues;  // that are suggested, the best one first
 
   double total() const;
-  // About how many triangles the isosurface has on level 0, two to an edge; 0 if that is not known.
-  double trianglesAt(double isovalue) const;
+  // About how many edges of level 0 the isosurface crosses; 0 if that is not known.
+  double edgesAt(double isovalue) const;
+  // And how many triangles it has there: two to an edge.
+  double trianglesAt(double isovalue) const { return 2.0 * edgesAt(isovalue); }
 };
 
 // From the histogram and the gradients that the pyramid has, which throw Error if they are damaged.

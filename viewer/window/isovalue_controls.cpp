@@ -85,7 +85,7 @@ void contourSpectrum(ViewSession& session, float scale) {
   // Of a surface in all directions, half of the area is seen along each axis.
   const double edges_per_area =
       0.5 * (per_unit.y * per_unit.z + per_unit.x * per_unit.z + per_unit.x * per_unit.y);
-  const double area = 0.5 * histogram.trianglesAt(value) / edges_per_area;
+  const double area = histogram.edgesAt(value) / edges_per_area;
   const char* const unit = geometry.unit == LengthUnit::kMillimetre ? " mm\u00b2" : "";
   ImGui::TextDisabled("at %.5g: area %s%s, %s triangles", value, shortNumber(area).c_str(), unit,
                       shortNumber(std::round(session.predictedTriangles(value))).c_str());
