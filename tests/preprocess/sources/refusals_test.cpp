@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/mrc_file.h"
 #include "tests/support/nifti_file.h"
 #include "tests/support/test_paths.h"
 #include "tests/support/tiff_file.h"
@@ -23,19 +24,10 @@ class RefusalsTest : public test::VolumeFilesTest {
                                std::string(bytes, '\1'));
   }
   std::string mrc(std::int32_t mode, float beta) const {
-    std::string header(1024, '\0');
-    const auto put = [&](std::size_t word, auto value) {
-      std::memcpy(header.data() + 4 * word, &value, sizeof value);
-    };
-    for (const std::size_t word : {0u, 1u, 2u, 7u, 8u, 9u}) put(word, std::int32_t{3});
-    put(3, mode);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      put(10 + axis, 3.0f);
-      put(13 + axis, axis == 1 ? beta : 90.0f);
-      put(16 + axis, static_cast<std::int32_t>(axis + 1));
-    }
-    header.replace(208, 6, "MAP DA");
-    return write("a.mrc", header + std::string(108, '\0'));
+    test::MrcFile file;
+    file.mode = mode;
+    file.angles[1] = beta;
+    return write("a.mrc", file.header() + std::string(96, '\0'));
   }
   std::string nifti(std::int16_t type, std::int16_t bits, float shear) const {
     test::NiftiFields fields;
