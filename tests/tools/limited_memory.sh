@@ -10,8 +10,7 @@
 set -euo pipefail
 size=${1:-1024}
 shift || true
-groups=("${@:-256}")
-[ $# -gt 0 ] || groups=(256 512 2048)
+[ $# -gt 0 ] || set -- 256 512 2048
 source "$(dirname "$0")/memory_group.sh"
 tools=$(cd "$(dirname "$0")" && pwd)
 
@@ -19,7 +18,7 @@ tools=$(cd "$(dirname "$0")" && pwd)
 "$ISOBRICK" build "$work/head.mhd" --codec lz4 --no-curvature -o "$work/head.isb" >/dev/null
 echo "| | group, MiB | first picture, s | surfaces | age of a surface, ms: median, 99 % | a frame, ms: median, 99 % | peak, MiB |"
 echo "|---|--:|--:|--:|--:|--:|--:|"
-for limit in "${groups[@]}"; do
+for limit in "$@"; do
   share=$(((limit - 192) / 2))
   ISOBRICK_PYRAMID=$work/head.isb ISOBRICK_REPORT=$work/report.json "$tools/drag_bound.sh" "$size" $share $share "$limit" >"$work/log" ||
     { echo "| isobrick | $limit | $(head -n 1 "$work/log") | | | | |"; continue; }
@@ -58,7 +57,7 @@ display=:$((RANDOM % 1000 + 100))
 Xvfb $display -screen 0 800x600x24 >/dev/null 2>&1 &
 trap 'kill %1; cleanup' EXIT
 sleep 2
-for limit in "${groups[@]}"; do
+for limit in "$@"; do
   dd if="$work/head.raw" iflag=nocache count=0 status=none
   make_group "$limit"
   status=0
