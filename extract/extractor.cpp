@@ -7,74 +7,12 @@
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/session/query_check.h"
+#include "isobrick/extract/session/query_context.h"
 #include "isobrick/extract/session/surface_joiner.h"
 #include "isobrick/extract/session/surface_writer.h"
 #include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
-namespace {
-
-std::vector<LevelCounts> noCounts(int levels) {
-  std::vector<LevelCounts> counts(static_cast<std::size_t>(levels));
-  for (int level = 0; level < levels; ++level)
-    counts[static_cast<std::size_t>(level)].level = level;
-  return counts;
-}
-
-// Adds the log's entry of one brick to the report.
-void addReads(const PyramidParts& parts, const ReadLog::Entry& entry, ExtractionReport& report) {
-  const auto [level, brick] = parts.brickAt(entry.brick_row);
-  const BrickRow row = parts.brickRowOf(level, brick);
-  ++report.bricks_read;
-  if ((entry.marks & ReadLog::kActive) != 0) {
-    ++report.bricks_active;
-    report.bytes_active += row.part(PartKind::kSamples).stored_bytes;
-  }
-  for (const PartKind kind : kPartKinds)
-    if ((entry.marks & ReadLog::markOf(kind)) != 0)
-      report.bytes_read += row.part(kind).stored_bytes;
-}
-
-ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
-                            const std::vector<LevelCounts>& levels) {
-  ExtractionReport report;
-  for (const LevelCounts& counts : levels) {
-    report.triangles += counts.triangles;
-    if (counts.triangles > 0) report.levels.push_back(counts);
-  }
-  for (const ReadLog::Entry& entry : log.entries()) addReads(pyramid.parts(), entry, report);
-  return report;
-}
-
-// The inputs of the workers of one query.
-class QueryContext {
- public:
-  QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log,
-               ResidencyOracle* residency = nullptr)
-      : oracles_(oraclesOf(pyramid, query)),
-        frame_(pyramid.spec().geometry, pyramid.valueRange()),
-        context_{pyramid,
-                 query,
-                 oracles_,
-                 frame_,
-                 pyramid.storedIsovalue(query.isovalue),
-                 log,
-                 pyramid.parts().edition(),
-                 residency} {
-    log.clear();
-  }
-  QueryContext(const QueryContext&) = delete;
-
-  const MeshContext& operator*() const { return context_; }
-
- private:
-  const std::vector<ChoiceOracles> oracles_;
-  const WorldFrame frame_;
-  const MeshContext context_;
-};
-
-}  // namespace
-
 struct Extractor::Memory {
   explicit Memory(const Pyramid& of) : pyramid(of) {}
 

@@ -33,12 +33,12 @@ class InputWatch {
   void check();
   void checkContent();
 
- private:
   // For one file: device, inode, bytes, and both times that a change of it changes. The second of
-  // them cannot be set back.
+  // them cannot be set back. Zeros for one that cannot be reached.
   using Stamp = std::array<std::int64_t, 7>;
   static std::vector<Stamp> stampsOf(const std::vector<std::string>& files);
 
+ private:
   const std::string name_;
   const CancelFlag* const cancel_;
   const std::vector<std::string> files_;

@@ -39,6 +39,14 @@ bool areCached(std::byte* begin, std::uint64_t bytes) {
   return true;
 }
 
+// The reader of no file.
+class NoRanges final : public RangeReader {
+ public:
+  std::uint64_t size() const override { return 0; }
+  [[nodiscard]] Failure read(const ByteRange&, std::byte*) override { return ""; }
+  void announce(std::span<const ByteRange>) override {}
+};
+
 }  // namespace
 
 // The last page of a file once more: to look at it is no use of the file's map, and says nothing of
@@ -97,6 +105,8 @@ PagedFile::PagedFile(const std::string& path, FileAccess access, const RemoteOpt
   size_ = reader_->size();
   if (!isRemote() && access == FileAccess::kMap) map();
 }
+
+PagedFile::PagedFile() : reader_(std::make_unique<NoRanges>()) {}
 
 void PagedFile::map() {
   stamp_ = stamp();

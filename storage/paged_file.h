@@ -40,6 +40,8 @@ class PagedFile {
   // once (kMostFiles).
   explicit PagedFile(const std::string& path, FileAccess access = FileAccess::kMap,
                      const RemoteOptions& remote = {});
+  // No file, of no bytes.
+  PagedFile();
   ~PagedFile();
   PagedFile(const PagedFile&) = delete;
   PagedFile& operator=(const PagedFile&) = delete;

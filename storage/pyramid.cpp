@@ -19,6 +19,14 @@ Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes, FileAccess
   if (tables_->dividedFile() && tables_->dividedFile()->number)
     tables_->fail("is the file of one super-brick of a divided pyramid; open its folder");
 }
+Pyramid::Pyramid(std::string name, const PyramidSpec& spec, const ValueRange& values,
+                 std::shared_ptr<const BrickSupply> supply)
+    : tables_(std::make_unique<PyramidTables>(std::move(name), spec, values)),
+      parts_(std::make_unique<PyramidParts>(*tables_, 0, std::move(supply))),
+      budget_bytes_(0),
+      spec_(spec),
+      layout_(spec.layout()),
+      value_range_(values) {}
 Pyramid::~Pyramid() = default;
 
 const std::string& Pyramid::path() const { return tables_->path(); }

@@ -16,6 +16,7 @@
 namespace isobrick {
 
 class BrickPager;
+class BrickSupply;
 class PyramidTables;
 class PyramidParts;
 
@@ -49,7 +50,7 @@ class BrickPart {
   BrickPager* pager_ = nullptr;  // null if the bytes were made rather than read
   std::size_t id_ = 0;
   const std::byte* data_ = nullptr;
-  std::vector<std::byte> made_;
+  std::unique_ptr<std::byte[]> made_;
 };
 
 // The samples of one brick.
@@ -94,6 +95,12 @@ class Pyramid {
   // ranges is refused, and if the file changes while it is open, calls that need it throw Error.
   explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes,
                    FileAccess access = FileAccess::kMap, const RemoteOptions& remote = {});
+  // For the library itself (storage/brick_supply.h): level 0 alone, which lies elsewhere. Bricks
+  // come from `supply` when they are asked for. Nothing else is stored: members about the file
+  // give nothing, and those about coarser levels must not be called. `values` are the least and the
+  // greatest voxel, or bounds of them.
+  Pyramid(std::string name, const PyramidSpec& spec, const ValueRange& values,
+          std::shared_ptr<const BrickSupply> supply);
   ~Pyramid();
 
   // The name that it was opened by; a URL without password and query.

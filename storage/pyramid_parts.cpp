@@ -7,8 +7,11 @@
 
 namespace isobrick {
 
-PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes)
+PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes,
+                           std::shared_ptr<const BrickSupply> supply)
     : tables_(tables),
+      supply_(std::move(supply)),
+      rows_(tables.layout()),
       pager_(
           tables.bytes(),
           [this](std::size_t id) {
@@ -34,6 +37,10 @@ BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3&
 BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
                                 const CancelFlag* cancel) const {
   BrickPart part;
+  if (isSupplied()) {
+    part.data_ = supply_->tileRanges(brick);  // samples are copies
+    return part;
+  }
   part.id_ = partId(kind, brickRow(level, brick));
   const char* why = "";
   part.data_ = pager_.acquire(part.id_, &why, cancel);
@@ -132,19 +139,24 @@ BrickSamples PyramidParts::samples(int level, const Index3& brick, const CancelF
     result.part = acquire(kSamples, level, brick, cancel);
     return result;
   }
-  result.part.made_.resize(partBytes(spec(), layout(), kSamples, level, brick));
+  const std::uint64_t bytes = partBytes(spec(), layout(), kSamples, level, brick);
+  result.part.made_ = std::make_unique_for_overwrite<std::byte[]>(bytes);
+  result.part.data_ = result.part.made_.get();
+  if (isSupplied()) {
+    supply_->copySamples(brick, result.part.made_.get());
+    return result;
+  }
   visitVoxelType(spec().voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
-    std::fill_n(reinterpret_cast<T*>(result.part.made_.data()), result.box.size(),
+    std::fill_n(reinterpret_cast<T*>(result.part.made_.get()), result.box.size(),
                 static_cast<T>(row.constant));
   });
-  result.part.data_ = result.part.made_.data();
   return result;
 }
 
 BrickRanges PyramidParts::ranges(int level, const Index3& brick, const CancelFlag* cancel) const {
   const BrickRow row = brickRowOf(level, brick);
-  if (row.part(kRanges).stored_bytes == 0) return {{}, row.constant};
+  if (row.part(kRanges).stored_bytes == 0 && !isSupplied()) return {{}, row.constant};
   return {acquire(kRanges, level, brick, cancel), 0};
 }
 
@@ -164,7 +176,7 @@ void PyramidParts::crossedTiles(int level, const Index3& brick, float isovalue,
   const BrickRow row = brickRowOf(level, brick);
   const auto count = static_cast<std::size_t>(elementCount(layout().brickTiles(level, brick)));
   out.assign(count, 0);
-  if (row.part(kRanges).stored_bytes == 0) return;  // one value does not cross
+  if (row.part(kRanges).stored_bytes == 0 && !isSupplied()) return;  // one value does not cross
   const BrickPart part = acquire(kRanges, level, brick, cancel);
   visitVoxelType(spec().voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;

@@ -10,9 +10,11 @@
 
 #include "isobrick/storage/brick_pager.h"
 #include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/brick_supply.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_tables.h"
+#include "isobrick/storage/table_rows.h"
 
 namespace isobrick {
 
@@ -36,24 +38,27 @@ struct BrickRanges {
 class PyramidParts {
  public:
   // `tables` outlive this object. `budget_bytes`: see BrickPager.
-  PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes);
+  PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes,
+               std::shared_ptr<const BrickSupply> supply = nullptr);
   ~PyramidParts();
   PyramidParts(const PyramidParts&) = delete;
 
   const PyramidTables& tables() const { return tables_; }
+  // True if there is level 0 alone, and it lies elsewhere: nothing of it counts as stored.
+  bool isSupplied() const { return supply_ != nullptr; }
 
   // ---- which parts there are: the brick table
 
   // Row of the brick in the file's table: a number that identifies it among all levels.
   std::size_t brickRow(int level, const Index3& brick) const {
-    return index().number(level, brick);
+    return rows_.row(level, brick);
   }
   // The brick of a row below brickCount().
-  BrickAddress brickAt(std::size_t row) const { return index().address(row); }
-  std::size_t brickCount() const { return index().count(); }
+  BrickAddress brickAt(std::size_t row) const { return rows_.address(row); }
+  std::size_t brickCount() const { return rows_.count(); }
   // The entry of a brick in the brick table.
   BrickRow brickRowOf(int level, const Index3& brick) const {
-    return index().row(brickRow(level, brick));
+    return isSupplied() ? BrickRow() : index().row(brickRow(level, brick));
   }
   // False if the row has to be read from the file first: see BrickIndex::isAtHand().
   bool isRowAtHand(int level, const Index3& brick) const {
@@ -61,6 +66,7 @@ class PyramidParts {
   }
   // Closure of the values in the brick's cells (rule 7).
   ValueRange brickRange(int level, const Index3& brick) const {
+    if (isSupplied()) return level == 0 ? supply_->range(brick) : tables_.valueRange();
     const BrickRow row = brickRowOf(level, brick);
     return {row.range_min, row.range_max};
   }
@@ -156,6 +162,8 @@ class PyramidParts {
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
 
   const PyramidTables& tables_;
+  const std::shared_ptr<const BrickSupply> supply_;  // null: level 0 is stored
+  const TableRows rows_;                             // of all bricks of all levels
   mutable BrickPager pager_;  // thread-safe by itself
 };
 

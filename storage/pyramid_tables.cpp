@@ -109,6 +109,8 @@ PyramidTables::PyramidTables(const std::string& path, FileAccess access,
       remote_(remote) {
   readHeader();
 }
+PyramidTables::PyramidTables(std::string name, const PyramidSpec& spec, const ValueRange& values)
+    : path_(std::move(name)), spec_(spec), layout_(spec.layout()), value_range_(values) {}
 PyramidTables::~PyramidTables() = default;
 
 void PyramidTables::fail(const std::string& what, ErrorPlace place) const {

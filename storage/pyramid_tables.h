@@ -26,6 +26,9 @@ class PyramidTables {
 
   // See Pyramid's constructor.
   PyramidTables(const std::string& path, FileAccess access, const RemoteOptions& remote);
+  // Those of level 0 that lies elsewhere: no file, and no index(). `values` are the least and the
+  // greatest voxel, or bounds of them.
+  PyramidTables(std::string name, const PyramidSpec& spec, const ValueRange& values);
   ~PyramidTables();
 
   // As it was opened; a URL without its secrets.
@@ -42,7 +45,8 @@ class PyramidTables {
   const Lattice& lattice() const { return layout_.lattice(); }
   const ValueRange& valueRange() const { return value_range_; }
   const std::string& provenance() const { return provenance_; }
-  // The rows of the brick table, of a divided pyramid of those of all its files.
+  // The rows of the brick table, of a divided pyramid of those of all its files. None if level 0
+  // lies elsewhere.
   const BrickIndex& index() const { return *index_; }
 
   // Which file of a divided pyramid it is, if it is one; an index has a division() too.

@@ -92,6 +92,14 @@ void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
   addLevelOption(app, options.level, 63)->excludes(focus);
 }
 
+bool isFinest(const ChoiceOptions& options) {
+  const bool chooses = options.focus || options.radius || options.curvature_tolerance ||
+                       options.curvature_radius || options.eye || options.pixels_per_radian ||
+                       options.pixels_per_unit || options.pixels || options.look_at ||
+                       options.field_of_view || options.field_radius;
+  return !chooses && options.level.value_or(0) == 0;
+}
+
 ChoiceOptions parseChoice(const std::string& text) {
   ChoiceOptions options;
   CLI::App app;

@@ -28,6 +28,9 @@ struct ChoiceOptions {
 
 void addChoiceOptions(CLI::App& app, ChoiceOptions& options);
 
+// True if they choose level 0 everywhere: nothing but, at most, the level.
+bool isFinest(const ChoiceOptions& options);
+
 // A further choice in words: "focus=10,20,30 radius=5 curvature=0.01", the options' names without
 // their dashes. Throws std::invalid_argument with the reason.
 ChoiceOptions parseChoice(const std::string& text);

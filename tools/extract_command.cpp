@@ -23,6 +23,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
+#include "tools/extract_surface.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
@@ -44,187 +45,35 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct MeshShift {
-  std::optional<glm::dvec3> by;  // world units; none: to the origin
-};
-
 MeshShift parseShift(const std::string& text) {
   return text == "auto" ? MeshShift() : MeshShift{parsePoint(text)};
 }
 
-struct ExtractArguments {
-  QueryOptions query;
-  std::string output;              // empty: the mesh is counted only
-  VolumeInput attribute;           // whose values vertices get; path empty: none
-  bool number_components = false;  // vertices get the number of their component instead
-  std::optional<std::uint64_t> most_triangles;
-  bool drop_small = false;
-  bool list_components = false;
-  std::optional<std::uint64_t> keep_largest;
-  std::optional<double> drop_below;  // area, world units^2
-  std::optional<ShareNumber> part;
-  std::optional<MeshShift> shift;
-  bool zlib = false;
-  bool meshopt = false;
-  int repeat = 1;
-  bool force = false;
-  bool json = false;
-};
-
-// The file of each isovalue: that of -o, or of several isovalues with the value behind its stem,
-// "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
-std::vector<std::string> meshNames(const ExtractArguments& arguments) {
-  const std::vector<std::optional<double>>& isovalues = arguments.query.isovalues;
-  if (arguments.output.empty() || isovalues.size() == 1)
-    return std::vector<std::string>(isovalues.size(), arguments.output);
-  const fs::path output = arguments.output;
-  std::vector<std::string> names;
-  for (const std::optional<double>& isovalue : isovalues)
-    names.push_back(
-        isovalue ? (output.parent_path() / fmt::format("{}-{}{}", output.stem().string(), *isovalue,
-                                                       output.extension().string()))
-                       .string()
-                 : std::string());
-  return names;
-}
-
-// Before the work, so that a path that cannot be written costs no time.
-void refuseOutputs(const ExtractArguments& arguments) {
-  for (const std::string& name : meshNames(arguments))
-    if (!name.empty())
-      refuseReplacing({name},
-                      {arguments.query.input.path, arguments.query.input.pyramid,
-                       arguments.attribute.path, arguments.attribute.pyramid},
-                      arguments.force);
-}
-
-// The middle of the volume to the origin, in steps of the decimal places that its extent has: the
-// numbers stay short.
-glm::dvec3 shiftToOrigin(const Pyramid& pyramid) {
-  const PyramidSpec& spec = pyramid.spec();
-  const auto corners = worldCorners(spec.geometry, spec.voxels);
-  glm::dvec3 lower = corners[0], upper = lower;
-  for (const glm::dvec3& corner : corners) {
-    lower = glm::min(lower, corner);
-    upper = glm::max(upper, corner);
-  }
-  const glm::dvec3 extent = upper - lower;
-  const double step =
-      std::pow(10, std::floor(std::log10(std::max({extent.x, extent.y, extent.z}))));
-  // Not -0.
-  return -step * glm::round((lower + upper) / (2 * step)) + 0.0;
-}
-
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
-
-void findComponents(const ExtractArguments& arguments, Extractor& extractor, const Query& query,
-                    ProgressBar& bar, ExtractResult& result) {
-  if (!arguments.list_components && !arguments.keep_largest && !arguments.drop_below &&
-      !arguments.number_components)
-    return;
-  const Stopwatch watch;
-  ComponentFinder finder(query);
-  MeasuredSink measured(finder, bar);
-  extractor.extract(query, measured);
-  result.components = finder.take();
-  const SurfaceComponents& all = *result.components;
-  if (arguments.keep_largest) {
-    result.is_kept = all.largest(*arguments.keep_largest, arguments.drop_below.value_or(0));
-    result.ranked_by = query.box ? "area" : "volume";
-  } else {
-    result.is_kept.assign(all.list().size(), 0);
-    std::fill_n(result.is_kept.begin(), all.countFrom(arguments.drop_below.value_or(0)),
-                std::uint8_t{1});
-  }
-  result.components_seconds = watch.seconds();
-}
-
-// The surface is there, and nothing of it is asked for.
-void warnOfEmptyChoice(const ExtractArguments& arguments, const ExtractResult& result) {
-  std::string why = "at the level and places that are asked for; ask for a finer level";
-  if (result.components && !result.components->list().empty())
-    why = fmt::format("left: the largest area of its {} pieces, {:.6g}, is below --drop-below",
-                      countText(result.components->list().size()),
-                      result.components->list().front().area);
-  else if (arguments.query.box)
-    why = "in --box";
-  else if (arguments.drop_small)
-    why = "left by --drop-small";
-  fmt::print(stderr, "isobrick: warning: the mesh is empty: nothing of the surface at {} is {}\n",
-             arguments.query.isovalue, why);
-}
 
 ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
                          Extractor& extractor, const PyramidValues* values,
                          const std::string& output) {
-  ExtractResult result;
-  result.output = output;
-  result.isovalue = arguments.query.isovalue;
-  Query query = makeQuery(arguments.query, pyramid);
-  if (arguments.drop_small) {
-    if (!query.simplify) query.simplify.emplace();
-    query.simplify->drop_small = true;
-  }
+  ProgressBar bar(0, "million triangles");
+  ExtractedSurface surface(arguments, pyramid, values, output, bar);
+  Query& query = surface.query();
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
-  result.simplify = query.simplify;
-  DetailChoice finest;
-  finest.uniform_level = query.uniform_level;
-  result.is_finest =
-      query.uniform_level.value_or(0) == 0 && static_cast<const DetailChoice&>(query) == finest;
   const ShareNumber share = arguments.part.value_or(ShareNumber());
-  const auto extractShare = [&](TriangleSink& sink) {
+  if (isShareName(output))
+    surface.writeTo(
+        makeMeshShareSink(output, pyramid, extractor.plan(query), share, &interruptFlag()));
+  if (surface.wantsComponents()) {
+    extractor.extract(query, surface.componentSink());
+    surface.endComponents();
+  }
+  for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
+    TriangleSink& sink = surface.meshSink(repeat == arguments.repeat);
     const ExtractionPlan plan = extractor.plan(query);
     const NumberRun run = bricksOf(plan, share);
-    return extractor.execute(plan, run.first, run.count, sink);
-  };
-  if (arguments.shift) result.shift = arguments.shift->by.value_or(shiftToOrigin(pyramid));
-  const MeshFileOptions options{.cancel = &interruptFlag(),
-                                .values = values,
-                                .components = arguments.number_components,
-                                .shift = result.shift,
-                                .zlib = arguments.zlib,
-                                .meshopt = arguments.meshopt};
-  std::unique_ptr<MeshFileSink> file_sink;
-  if (isShareName(output))
-    file_sink = makeMeshShareSink(output, pyramid, extractor.plan(query), share, &interruptFlag());
-  else if (!output.empty())
-    file_sink = makeMeshFileSink(output, options);
-  const std::uint64_t outside_before = values != nullptr ? values->outside() : 0;
-
-  ProgressBar bar(0, "million triangles");
-  findComponents(arguments, extractor, query, bar, result);
-  for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
-    const bool to_file = file_sink != nullptr && repeat == arguments.repeat;
-    CountingSink counting_sink;
-    TriangleSink& sink = to_file ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
-    MeasuredSink measured(sink, bar);
-    const Stopwatch watch;
-    if (result.components) {
-      ComponentFilter filter(*result.components, result.is_kept, measured);
-      result.report = extractShare(filter);
-    } else {
-      result.report = extractShare(measured);
-    }
-    const double seconds = watch.seconds();
-    if (to_file) result.write_seconds = measured.seconds(arguments.query.threads);
-    result.extract_seconds.push_back(seconds - result.write_seconds);
-    result.vertices = to_file ? file_sink->vertices() : counting_sink.vertices();
+    surface.endMesh(extractor.execute(plan, run.first, run.count, sink));
   }
-  if (file_sink != nullptr)
-    if (const std::string loss = file_sink->loss(); !loss.empty())
-      warnOfLosses(output, {loss + "; give --shift auto, or write .ply"});
-  if (values != nullptr) result.vertices_outside = values->outside() - outside_before;
-  if (!warnOfEmptySurface(arguments.query, pyramid) && result.report.triangles == 0 &&
-      !arguments.part)
-    warnOfEmptyChoice(arguments, result);
-  if (result.vertices_outside > 0)
-    fmt::print(stderr,
-               "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
-               countText(result.vertices_outside), countText(result.vertices),
-               oneLine(withoutSecrets(arguments.attribute.path)),
-               lowerExtension(output) == ".glb" ? "0 in the file" : "NaN in the file");
-  return result;
+  return surface.end(pyramid.valueRange());
 }
 
 ExtractResults extract(ExtractArguments& arguments) {
@@ -265,6 +114,22 @@ ExtractResults extract(ExtractArguments& arguments) {
   return results;
 }
 
+// Level 0 alone, in one pass or two, which no pyramid would make faster. Numbers of bricks go with
+// the pyramid, and so does a cache that the user names.
+bool needsNoPyramid(const ExtractArguments& arguments) {
+  const QueryOptions& query = arguments.query;
+  const bool is_known = std::all_of(query.isovalues.begin(), query.isovalues.end(),
+                                    [](const auto& isovalue) { return isovalue.has_value(); });
+  return isVolume(query.input.path) && query.input.cache_folder.empty() && is_known &&
+         isFinest(query.choice) && query.or_finer.empty() && !arguments.most_triangles &&
+         !arguments.part && arguments.repeat == 1 && !isShareName(arguments.output);
+}
+
+ExtractResults extractFromPyramid(ExtractArguments& arguments) {
+  if (arguments.query.input.pyramid.empty()) findPyramid(arguments.query);
+  return runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
+}
+
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
@@ -287,16 +152,16 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
     return runExtractMeshes(arguments.query, arguments.output, arguments.json);
   }
   refuseOutputs(arguments);
-  findPyramid(arguments.query);
   attribute.cache_folder = arguments.query.input.cache_folder;
   if (!attribute.path.empty())
     findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
-  const ExtractResults results =
-      runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
+  std::optional<ExtractResults> results;
+  if (needsNoPyramid(arguments)) results = extractVolume(arguments);
+  if (!results) results = extractFromPyramid(arguments);
   if (arguments.json)
-    printJson(jsonOfResults(results));
+    printJson(jsonOfResults(*results));
   else
-    printResults(results);
+    printResults(*results);
   return 0;
 }
 

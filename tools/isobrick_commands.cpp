@@ -1,10 +1,5 @@
 // The subcommands of the executable `isobrick`.
-#include <fmt/format.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <iterator>
 #include <optional>
 #include <string>
@@ -13,6 +8,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "tools/command.h"
+#include "tools/extract_surface.h"
 #include "tools/own_folder.h"
 #include "tools/volume_input.h"
 
@@ -83,10 +79,12 @@ void runExternalCommand(std::string_view name, char** argv) {
       std::find_if(std::begin(kExternalCommands), std::end(kExternalCommands),
                    [&](const ExternalCommand& command) { return command.name == name; });
   if (named == std::end(kExternalCommands)) return;
-  const std::string path = requiredExecutable(std::string(named->executable));
-  execv(path.c_str(), argv);
-  throw Error(
-      fmt::format("cannot run '{}': {}; install isobrick again", path, std::strerror(errno)));
+  noteWords(argv);
+  becomeExecutable(std::string(named->executable));
+}
+
+std::optional<ExtractResults> extractVolume(ExtractArguments&) {
+  becomeExecutable("isobrick-build");
 }
 
 }  // namespace isobrick

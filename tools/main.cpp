@@ -17,6 +17,7 @@
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
+#include "tools/own_folder.h"
 
 namespace isobrick {
 namespace {
@@ -114,6 +115,7 @@ void runCommandOfFile(int argc, char** argv) {
 }
 
 int runWords(int argc, char** argv) {
+  noteWords(argv);
   if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);

@@ -3,10 +3,18 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cerrno>
+#include <cstring>
+
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 
 namespace isobrick {
+namespace {
+
+char** the_words = nullptr;
+
+}  // namespace
 
 std::filesystem::path ownExecutable() { return linkTarget("/proc/self/exe"); }
 
@@ -23,6 +31,15 @@ std::string requiredExecutable(const std::string& name) {
   throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again", name,
                           ownExecutable().string(),
                           (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
+}
+
+void noteWords(char** words) { the_words = words; }
+
+void becomeExecutable(const std::string& name) {
+  const std::string path = requiredExecutable(name);
+  execv(path.c_str(), the_words);
+  throw Error(
+      fmt::format("cannot run '{}': {}; install isobrick again", path, std::strerror(errno)));
 }
 
 }  // namespace isobrick

@@ -208,13 +208,19 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
 }
 
 bool warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
-  if (pyramid.valueRange().crosses(pyramid.storedIsovalue(options.isovalue))) return false;
-  const RealRange range = pyramid.realRange();
+  return warnOfEmptySurface(options.input, options.isovalue, pyramid, pyramid.valueRange());
+}
+
+bool warnOfEmptySurface(const VolumeInput& input, double isovalue, const Pyramid& pyramid,
+                        const ValueRange& range) {
+  if (range.crosses(pyramid.storedIsovalue(isovalue))) return false;
+  const ValueTransform& values = pyramid.spec().values;
   fmt::print(stderr,
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "
              "values of '{}' are {} to {}\n",
-             options.isovalue, oneLine(withoutSecrets(options.input.path)),
-             valueText(pyramid, range.min), valueText(pyramid, range.max));
+             isovalue, oneLine(withoutSecrets(input.path)),
+             valueText(pyramid, values.real(static_cast<double>(range.min))),
+             valueText(pyramid, values.real(static_cast<double>(range.max))));
   return true;
 }
 

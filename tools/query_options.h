@@ -65,5 +65,8 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 // One line on stderr, and true, if the isovalue separates no voxels, so that the mesh will be
 // empty.
 bool warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
+// The same of a volume whose voxels are `range`, as stored.
+bool warnOfEmptySurface(const VolumeInput& input, double isovalue, const Pyramid& pyramid,
+                        const ValueRange& range);
 
 }  // namespace isobrick

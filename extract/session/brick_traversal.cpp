@@ -1,5 +1,7 @@
 #include "isobrick/extract/session/brick_traversal.h"
 
+#include <algorithm>
+
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
@@ -16,6 +18,17 @@ class Traversal {
     const int top = context_.lattice().levels() - 1;
     if (context_.pyramid.parts().isRemote()) bringInRows(top);
     visit(top, Index3(0));  // the coarsest level is one cell
+    const auto isFinest = [](const BrickWork& work) { return work.level == 0; };
+    if (std::all_of(work_.begin(), work_.end(), isFinest))
+      std::sort(work_.begin(), work_.end(), [&](const BrickWork& a, const BrickWork& b) {
+        return context_.pyramid.parts().brickRow(0, a.brick) <
+               context_.pyramid.parts().brickRow(0, b.brick);
+      });
+    return std::move(work_);
+  }
+
+  std::vector<BrickWork> runFinest(const IndexBox& bricks) {
+    forEachIndex(bricks, [&](const Index3& brick) { visit(0, brick); });
     return std::move(work_);
   }
 
@@ -91,6 +104,10 @@ class Traversal {
 
 std::vector<BrickWork> traverseBricks(const MeshContext& context) {
   return Traversal(context).run();
+}
+
+std::vector<BrickWork> traverseFinestBricks(const MeshContext& context, const IndexBox& bricks) {
+  return Traversal(context).runFinest(bricks);
 }
 
 }  // namespace isobrick

@@ -61,10 +61,10 @@ struct MeshContext {
   void checkCancel() const {
     if (query.cancel != nullptr) query.cancel->check();
   }
-  // So many of `count` bricks are meshed.
-  void noteDone(std::size_t meshed, std::size_t count) const {
+  // So much of all bricks is meshed, 0 .. 1.
+  void noteDone(double share) const {
     if (query.fraction_done == nullptr) return;
-    const float done = static_cast<float>(meshed) / static_cast<float>(count);
+    const auto done = static_cast<float>(share);
     float told = query.fraction_done->load(std::memory_order_relaxed);
     while (told < done && !query.fraction_done->compare_exchange_weak(told, done)) {
     }

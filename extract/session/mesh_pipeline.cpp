@@ -148,7 +148,7 @@ void JobBoard::fail() {
 }
 
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
-                 TriangleSink& sink, std::vector<LevelCounts>& counts) {
+                 TriangleSink& sink, std::vector<LevelCounts>& counts, const WorkPart& part) {
   const int threads = tbb::this_task_arena::max_concurrency();
   JobBoard board(memory.ringOf(kBatchesPerThread * static_cast<std::size_t>(threads)), work.size(),
                  context.query.cancel);
@@ -165,7 +165,8 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     batch.level = work[job.work].level;
     batch.brick = work[job.work].brick;
     batch.is_uniform = !work[job.work].adaptive;
-    batch.fraction_done = static_cast<double>(job.work + 1) / static_cast<double>(work.size());
+    batch.fraction_done =
+        part.at(static_cast<double>(job.work + 1) / static_cast<double>(work.size()));
     MeshWorker& worker = memory.workers.local();
     try {
       if (work[job.work].adaptive)
@@ -178,7 +179,8 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
       batch.clear();
     }
     context.throwIfReadsFailed();
-    context.noteDone(++meshed, work.size());
+    context.noteDone(
+        part.at(static_cast<double>(++meshed) / static_cast<double>(work.size())));
     job.bytes = batch.bytes();
   };
   const auto place = [&](const JobBoard::Job& job) {

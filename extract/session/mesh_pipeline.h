@@ -109,12 +109,19 @@ struct MeshMemory {
   }
 };
 
+// Which part of all bricks some work is: from where to where, all being 0 .. 1.
+struct WorkPart {
+  double begin = 0, end = 1;
+
+  double at(double share) const { return begin + share * (end - begin); }
+};
+
 // Meshes all of `work` on the calling TBB arena. Batches with triangles are counted in
 // `counts[level]`, noted as active, and passed to the sink: place() in the order of the work, then
 // write(). Batches are reused, so memory does not grow with the mesh: if the sink is slow, or
 // batches are large, no more are begun. Stops early, without an exception, if the query is
 // cancelled. Rethrows the exceptions of meshers and of the sink.
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
-                 TriangleSink& sink, std::vector<LevelCounts>& counts);
+                 TriangleSink& sink, std::vector<LevelCounts>& counts, const WorkPart& part = {});
 
 }  // namespace isobrick

@@ -82,9 +82,21 @@ void checkChoice(const Pyramid& pyramid, const DetailChoice& choice) {
   if (choice.curvature_tolerance) checkCurvatureTolerance(pyramid, choice);
 }
 
+// Level 0 that lies elsewhere has no levels, ranges and parts to choose by.
+void checkIsFinest(const Pyramid& pyramid, const Query& query) {
+  DetailChoice finest;
+  if (query.uniform_level == 0) finest.uniform_level = 0;
+  if (static_cast<const DetailChoice&>(query) == finest && query.or_finer.empty() &&
+      !query.is_progressive)
+    return;
+  throw Error("'" + pyramid.path() + "' has no coarser levels; ask for level 0, or build a pyramid",
+              {.path = pyramid.path()});
+}
+
 }  // namespace
 
 void checkQuery(const Pyramid& pyramid, const Query& query) {
+  if (pyramid.parts().isSupplied()) checkIsFinest(pyramid, query);
   if (!std::isfinite(pyramid.storedIsovalue(query.isovalue)))
     throw Error("the isovalue is not a finite number; choose one within the volume's value range");
   checkChoice(pyramid, query);

@@ -178,7 +178,7 @@ class SurfaceWriter::Run {
         context_.checkCancel();
         ahead.reached(job);
         writeBrick(job, worker);
-        context_.noteDone(++written_, work_.size());
+        context_.noteDone(static_cast<double>(++written_) / static_cast<double>(work_.size()));
       }
     } catch (...) {
       has_failed_ = true;

@@ -4,7 +4,11 @@
 namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) {
-  return {addBuildCommand(app), addConvertCommand(app), addVolumeFormatsCommand(app)};
+  std::vector<Command> commands = {addBuildCommand(app), addConvertCommand(app),
+                                   addVolumeFormatsCommand(app), addExtractCommand(app)};
+  // People know it as a command of `isobrick`, which becomes this executable for volumes.
+  commands.back().parser->group("");
+  return commands;
 }
 
 std::optional<std::string> commandOfFile(const std::string&) { return std::nullopt; }

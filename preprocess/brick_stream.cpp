@@ -1,0 +1,260 @@
+#include "isobrick/preprocess/brick_stream.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <future>
+#include <limits>
+
+#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/preprocess/finite_voxels.h"
+#include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/preprocess/slice_spool.h"
+#include "isobrick/preprocess/voxel_window.h"
+#include "isobrick/storage/index_loop.h"
+
+namespace isobrick {
+namespace {
+
+PyramidSpec specOf(const VolumeInfo& info) {
+  PyramidSpec spec;
+  spec.voxels = info.voxels;
+  spec.voxel_type = info.voxel_type;
+  spec.geometry = info.geometry;
+  spec.values = info.values;
+  spec.has_curvature = false;
+  return spec;
+}
+
+// The voxels that a window of bricks takes.
+IndexBox samplesOf(const BrickLayout& layout, const IndexBox& bricks) {
+  return unionOf(layout.brickSampleBox(0, bricks.first),
+                 layout.brickSampleBox(0, bricks.end() - Index3(1)));
+}
+
+}  // namespace
+
+// All but what depends on the voxel type.
+class BrickStream::Run {
+ public:
+  Run(BrickStreamOptions options, std::unique_ptr<VolumeSource> source)
+      : options_(std::move(options)),
+        source_(std::move(source)),
+        info_(source_->info()),
+        layout_(specOf(info_).layout()),
+        files_(source_->files()),
+        stamps_(InputWatch::stampsOf(files_)) {}
+  virtual ~Run() = default;
+
+  bool fits() const { return planOf(allBricks()).has_value(); }
+  const VolumeInfo& info() const { return info_; }
+  const std::vector<std::string>& files() const { return files_; }
+  const Pyramid& pyramid() const { return *pyramid_; }
+  virtual void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) = 0;
+  virtual ValueRange readRange() const = 0;
+  std::vector<std::string> notes() const {
+    std::vector<std::string> notes = info_.notes;
+    for (std::string& note : source_->notesOfReading()) notes.push_back(std::move(note));
+    return notes;
+  }
+
+ protected:
+  // A source that is read in order is read from its beginning by a new one.
+  void beginReading() {
+    if (was_read_ && !source_->readsBoxes()) {
+      source_ = options_.open();
+      source_->chooseVoxelsAs(info_);
+    }
+    was_read_ = true;
+  }
+  void throwIfChanged() const {
+    if (InputWatch::stampsOf(files_) != stamps_)
+      throw Error("'" + info_.source + "' changed while it was read; do it again",
+                  {.path = info_.source});
+  }
+  IndexBox allBricks() const { return {Index3(0), layout_.bricks(0)}; }
+  std::size_t bytesOf(const IndexBox& box) const {
+    return static_cast<std::size_t>(box.size()) * voxelBytes(info_.voxel_type);
+  }
+
+  // How a box of bricks is cut into windows, and how many of them are in memory at a time.
+  // None if the memory does not suffice.
+  struct Plan {
+    BrickWindows windows;
+    std::size_t buffers;
+  };
+  std::optional<Plan> planOf(const IndexBox& bricks) const {
+    const std::uint64_t held = source_->bufferBytes();
+    const std::uint64_t most =
+        (options_.memory_bytes - std::min(held, options_.memory_bytes)) / 4 * 3;
+    const auto fits = [&](std::int64_t x, std::int64_t y, std::size_t windows) {
+      return windows * bytesOf(boxOf({bricks.first, Index3(x, y, 1)})) <= most;
+    };
+    const Index3 all = bricks.count;
+    if (fits(all.x, all.y, 2)) return Plan{{bricks, all.x, all.y}, 2};
+    if (!source_->readsBoxes() && fits(all.x, all.y, 1)) return Plan{{bricks, all.x, all.y}, 1};
+    if (source_->readsBoxes()) {
+      std::int64_t x = all.x, y = all.y;
+      while (y > 1 && !fits(x, y, 2)) --y;
+      while (x > 1 && !fits(x, y, 2)) --x;
+      if (fits(x, y, 2)) return Plan{{bricks, x, y}, 2};
+    }
+    return std::nullopt;
+  }
+  // The voxels that are read for these bricks: whole slices, if the source is read in order.
+  IndexBox boxOf(const IndexBox& bricks) const {
+    IndexBox box = samplesOf(layout_, bricks);
+    if (!source_->readsBoxes()) {
+      box.first = {0, 0, box.first.z};
+      box.count = {info_.voxels.x, info_.voxels.y, box.count.z};
+    }
+    return box;
+  }
+
+  // Reads `box`, some rows or slices at a time, so that a request to cancel need not wait for all.
+  void read(const IndexBox& box, std::byte* to) const {
+    const std::int64_t rows = SliceSpool::rowsPerRead(info_);
+    const IndexBox slice{box.first, {box.count.x, box.count.y, 1}};
+    for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+      for (std::int64_t y = box.first.y; y < box.end().y; y += rows) {
+        if (options_.cancel != nullptr) options_.cancel->check();
+        const std::int64_t count = std::min(rows, slice.end().y - y);
+        const IndexBox some{{box.first.x, y, z}, {box.count.x, count, 1}};
+        if (source_->readsBoxes())
+          source_->readBox(some, to);
+        else
+          source_->readRows(z * info_.voxels.y + y, count, to);
+        to += bytesOf(some);
+      }
+  }
+
+  const BrickStreamOptions options_;
+  std::unique_ptr<VolumeSource> source_;
+  const VolumeInfo info_;
+  const BrickLayout layout_;
+  std::unique_ptr<Pyramid> pyramid_;
+
+ private:
+  const std::vector<std::string> files_;
+  const std::vector<InputWatch::Stamp> stamps_;
+  bool was_read_ = false;
+};
+
+template <typename T>
+class BrickStream::TypedRun final : public Run {
+ public:
+  TypedRun(BrickStreamOptions options, std::unique_ptr<VolumeSource> source)
+      : Run(std::move(options), std::move(source)),
+        window_(std::make_shared<VoxelWindow<T>>(layout_)) {
+    ValueRange values{static_cast<float>(std::numeric_limits<T>::lowest()),
+                      static_cast<float>(std::numeric_limits<T>::max())};
+    if (!fits()) return;
+    if constexpr (std::is_same_v<T, float>) values = rangeOfAll();
+    pyramid_ = std::make_unique<Pyramid>(info_.source, specOf(info_), values, window_);
+  }
+
+  void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) override {
+    if (bricks.size() == 0) return;
+    beginReading();
+    const Plan plan = planOf(bricks).value();
+    std::array<IndexBox, 2> boxes;  // of the voxels in the buffers
+    const std::size_t bytes = bytesOfLargest(plan.windows);
+    for (std::size_t i = 0; i < plan.buffers; ++i)
+      if (buffers_[i].size() < bytes) buffers_[i] = LargeBuffer(bytes);
+    const auto fill = [&](std::int64_t i) {
+      const auto now = static_cast<std::size_t>(i) % plan.buffers;
+      const auto before = (now + plan.buffers - 1) % plan.buffers;
+      const IndexBox box = boxOf(plan.windows.window(i));
+      fillWindow(box, boxes[before], buffers_[before].data(), buffers_[now].data());
+      boxes[now] = box;
+    };
+    std::future<void> next;  // waits for its thread when it goes
+    fill(0);
+    for (std::int64_t i = 0; i < plan.windows.count(); ++i) {
+      if (next.valid())
+        next.get();
+      else if (i > 0)
+        fill(i);
+      const bool is_overlapped = plan.buffers > 1 && i + 1 < plan.windows.count();
+      if (is_overlapped) next = std::async(std::launch::async, fill, i + 1);
+      const auto now = static_cast<std::size_t>(i) % plan.buffers;
+      const IndexBox window = plan.windows.window(i);
+      window_->show(window, SampleBlock<T>::dense(reinterpret_cast<const T*>(buffers_[now].data()),
+                                                  boxes[now]));
+      take(window);
+    }
+    throwIfChanged();
+  }
+
+  ValueRange readRange() const override { return window_->shownRange(); }
+
+ private:
+  std::size_t bytesOfLargest(const BrickWindows& windows) const {
+    std::size_t bytes = 0;
+    for (std::int64_t i = 0; i < windows.count(); ++i)
+      bytes = std::max(bytes, bytesOf(boxOf(windows.window(i))));
+    return bytes;
+  }
+
+  // Slices that the window before has are copied; a source that is read in order has passed them.
+  void fillWindow(const IndexBox& box, const IndexBox& before, const std::byte* from,
+                  std::byte* to) const {
+    IndexBox rest = box;
+    const IndexBox common = intersectionOf(box, before);
+    const bool is_next_slab = common.size() > 0 && box.first.x == before.first.x &&
+                              box.first.y == before.first.y && box.count.x == before.count.x &&
+                              box.count.y == before.count.y;
+    if (is_next_slab) {
+      IndexBox passed = before;
+      passed.count.z = common.first.z - before.first.z;
+      std::memmove(to, from + bytesOf(passed), bytesOf(common));
+      to += bytesOf(common);
+      rest.first.z += common.count.z;
+      rest.count.z -= common.count.z;
+    }
+    read(rest, to);
+    if constexpr (std::is_same_v<T, float>)
+      if (!is_finite_)
+        makeFinite(reinterpret_cast<float*>(to), rest, rest, std::nullopt, info_);
+  }
+
+  // Normals are the same whatever the range, as long as squares of gradients fit floats: so the
+  // range of the type does for integers, and floats need that of their values.
+  ValueRange rangeOfAll() {
+    const IndexBox all = allBricks();
+    double done = 0;
+    run(all, [&](const IndexBox& bricks) {
+      done += static_cast<double>(bricks.size());
+      if (options_.progress) options_.progress(done / static_cast<double>(all.size()));
+    });
+    is_finite_ = true;
+    return window_->shownRange();
+  }
+
+  const std::shared_ptr<VoxelWindow<T>> window_;
+  std::array<LargeBuffer, 2> buffers_;
+  bool is_finite_ = false;
+};
+
+BrickStream::BrickStream(BrickStreamOptions options) {
+  std::unique_ptr<VolumeSource> source = options.open();
+  source->chooseVoxels(options.cancel, options.progress);
+  visitVoxelType(source->info().voxel_type, [&](auto tag) {
+    run_ = std::make_unique<TypedRun<typename decltype(tag)::Type>>(std::move(options),
+                                                                    std::move(source));
+  });
+}
+BrickStream::~BrickStream() = default;
+
+bool BrickStream::fits() const { return run_->fits(); }
+const VolumeInfo& BrickStream::info() const { return run_->info(); }
+std::vector<std::string> BrickStream::files() const { return run_->files(); }
+const Pyramid& BrickStream::pyramid() const { return run_->pyramid(); }
+void BrickStream::run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) {
+  run_->run(bricks, take);
+}
+ValueRange BrickStream::readRange() const { return run_->readRange(); }
+std::vector<std::string> BrickStream::notes() const { return run_->notes(); }
+
+}  // namespace isobrick

@@ -1,0 +1,67 @@
+// A volume read once, from its first to its last slice, as bricks of level 0 in memory: for a query
+// that needs no pyramid.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/pyramid.h"
+
+namespace isobrick {
+
+// How a volume is read.
+struct BrickStreamOptions {
+  // Opens the volume anew, to be read from its beginning; the same each time.
+  std::function<std::unique_ptr<VolumeSource>()> open;
+  std::uint64_t memory_bytes = std::uint64_t{1} << 30;  // for voxels, and what the source holds
+  const CancelFlag* cancel = nullptr;                   // may be null
+  // Called now and then by one thread at a time while a pass before the first one looks for the
+  // range of values: the share of it that is done, 0 .. 1. May be empty.
+  std::function<void(double fraction)> progress;
+};
+
+// One volume; its bricks are at hand a window at a time. A window is a slab of bricks, or some rows
+// of bricks if memory is short; the next one is read meanwhile if memory allows. Used by one thread
+// at a time.
+class BrickStream {
+ public:
+  // Opens the volume, and chooses its voxels (VolumeSource::chooseVoxels()). A volume of float32
+  // that fits() is read once for the range of its values. Throws what that throws, and Error for
+  // NaN and infinite voxels.
+  explicit BrickStream(BrickStreamOptions options);
+  ~BrickStream();
+  BrickStream(const BrickStream&) = delete;
+  BrickStream& operator=(const BrickStream&) = delete;
+
+  // False if the memory does not suffice to run() through the volume; then nothing else may be
+  // asked.
+  bool fits() const;
+  // What the volume says of itself.
+  const VolumeInfo& info() const;
+  // All files that it depends on: VolumeSource::files().
+  std::vector<std::string> files() const;
+  // Level 0 alone, in bricks as a pyramid has them by default. Only bricks that are at hand may be
+  // used: StreamedSurface does.
+  const Pyramid& pyramid() const;
+
+  // Reads the volume and calls `take` for one window of `bricks` after the other, in the order of
+  // the brick table: these bricks are at hand until it returns. On the calling TBB arena. Once or
+  // several times. Throws what the source throws, Error if a voxel is not finite or a file changed
+  // meanwhile, Cancelled, and what `take` throws.
+  void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take);
+
+  // The least and the greatest voxel that run() read, as stored; of the whole volume if that was
+  // read.
+  ValueRange readRange() const;
+  // Notes of opening and reading, a line each.
+  std::vector<std::string> notes() const;
+
+ private:
+  class Run;
+  template <typename T>
+  class TypedRun;
+  std::unique_ptr<Run> run_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,179 @@
+#include "tools/extract_surface.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <glm/common.hpp>
+
+#include "isobrick/extract/shares/mesh_share.h"
+#include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/remote/remote_address.h"
+#include "tools/byte_size.h"
+#include "tools/interrupt.h"
+#include "tools/line_words.h"
+#include "tools/loss_warnings.h"
+#include "tools/output_check.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The middle of the volume to the origin, in steps of the decimal places that its extent has: the
+// numbers stay short.
+glm::dvec3 shiftToOrigin(const Pyramid& pyramid) {
+  const PyramidSpec& spec = pyramid.spec();
+  const auto corners = worldCorners(spec.geometry, spec.voxels);
+  glm::dvec3 lower = corners[0], upper = lower;
+  for (const glm::dvec3& corner : corners) {
+    lower = glm::min(lower, corner);
+    upper = glm::max(upper, corner);
+  }
+  const glm::dvec3 extent = upper - lower;
+  const double step =
+      std::pow(10, std::floor(std::log10(std::max({extent.x, extent.y, extent.z}))));
+  // Not -0.
+  return -step * glm::round((lower + upper) / (2 * step)) + 0.0;
+}
+
+// The surface is there, and nothing of it is asked for.
+void warnOfEmptyChoice(const ExtractArguments& arguments, const ExtractResult& result) {
+  std::string why = "at the level and places that are asked for; ask for a finer level";
+  if (result.components && !result.components->list().empty())
+    why = fmt::format("left: the largest area of its {} pieces, {:.6g}, is below --drop-below",
+                      countText(result.components->list().size()),
+                      result.components->list().front().area);
+  else if (arguments.query.box)
+    why = "in --box";
+  else if (arguments.drop_small)
+    why = "left by --drop-small";
+  fmt::print(stderr, "isobrick: warning: the mesh is empty: nothing of the surface at {} is {}\n",
+             result.isovalue, why);
+}
+
+}  // namespace
+
+std::vector<std::string> meshNames(const ExtractArguments& arguments) {
+  const std::vector<std::optional<double>>& isovalues = arguments.query.isovalues;
+  if (arguments.output.empty() || isovalues.size() == 1)
+    return std::vector<std::string>(isovalues.size(), arguments.output);
+  const fs::path output = arguments.output;
+  std::vector<std::string> names;
+  for (const std::optional<double>& isovalue : isovalues)
+    names.push_back(
+        isovalue ? (output.parent_path() / fmt::format("{}-{}{}", output.stem().string(), *isovalue,
+                                                       output.extension().string()))
+                       .string()
+                 : std::string());
+  return names;
+}
+
+void refuseOutputs(const ExtractArguments& arguments) {
+  for (const std::string& name : meshNames(arguments))
+    if (!name.empty())
+      refuseReplacing({name},
+                      {arguments.query.input.path, arguments.query.input.pyramid,
+                       arguments.attribute.path, arguments.attribute.pyramid},
+                      arguments.force);
+}
+
+bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
+
+ExtractedSurface::ExtractedSurface(const ExtractArguments& arguments, const Pyramid& pyramid,
+                                   const PyramidValues* values, std::string output,
+                                   ProgressBar& bar)
+    : arguments_(arguments),
+      pyramid_(pyramid),
+      values_(values),
+      bar_(bar),
+      isovalue_(arguments.query.isovalue),
+      query_(makeQuery(arguments.query, pyramid)) {
+  if (arguments.drop_small) {
+    if (!query_.simplify) query_.simplify.emplace();
+    query_.simplify->drop_small = true;
+  }
+  result_.output = std::move(output);
+  result_.isovalue = isovalue_;
+  if (arguments.shift) result_.shift = arguments.shift->by.value_or(shiftToOrigin(pyramid));
+  outside_before_ = values != nullptr ? values->outside() : 0;
+}
+
+bool ExtractedSurface::wantsComponents() const {
+  return arguments_.list_components || arguments_.keep_largest || arguments_.drop_below ||
+         arguments_.number_components;
+}
+
+TriangleSink& ExtractedSurface::measured(TriangleSink& sink) {
+  watch_ = Stopwatch();
+  measured_.emplace(sink, bar_);
+  return *measured_;
+}
+
+TriangleSink& ExtractedSurface::componentSink() {
+  finder_ = std::make_unique<ComponentFinder>(query_);
+  return measured(*finder_);
+}
+
+void ExtractedSurface::endComponents() {
+  result_.components = finder_->take();
+  const SurfaceComponents& all = *result_.components;
+  if (arguments_.keep_largest) {
+    result_.is_kept = all.largest(*arguments_.keep_largest, arguments_.drop_below.value_or(0));
+    result_.ranked_by = query_.box ? "area" : "volume";
+  } else {
+    result_.is_kept.assign(all.list().size(), 0);
+    std::fill_n(result_.is_kept.begin(), all.countFrom(arguments_.drop_below.value_or(0)),
+                std::uint8_t{1});
+  }
+  result_.components_seconds = watch_.seconds();
+}
+
+TriangleSink& ExtractedSurface::meshSink(bool to_file) {
+  if (to_file && file_sink_ == nullptr && !result_.output.empty())
+    file_sink_ = makeMeshFileSink(result_.output, {.cancel = &interruptFlag(),
+                                                   .values = values_,
+                                                   .components = arguments_.number_components,
+                                                   .shift = result_.shift,
+                                                   .zlib = arguments_.zlib,
+                                                   .meshopt = arguments_.meshopt});
+  to_file_ = to_file && file_sink_ != nullptr;
+  counting_sink_ = CountingSink();
+  TriangleSink& sink = measured(to_file_ ? static_cast<TriangleSink&>(*file_sink_) : counting_sink_);
+  if (!result_.components) return sink;
+  filter_.emplace(*result_.components, result_.is_kept, sink);
+  return *filter_;
+}
+
+void ExtractedSurface::endMesh(const ExtractionReport& report) {
+  const double seconds = watch_.seconds();
+  result_.report = report;
+  if (to_file_) result_.write_seconds = measured_->seconds(arguments_.query.threads);
+  result_.extract_seconds.push_back(std::max(0.0, seconds - result_.write_seconds));
+  result_.vertices = to_file_ ? file_sink_->vertices() : counting_sink_.vertices();
+}
+
+ExtractResult ExtractedSurface::end(const ValueRange& range) {
+  result_.simplify = query_.simplify;
+  DetailChoice finest;
+  finest.uniform_level = query_.uniform_level;
+  result_.is_finest =
+      query_.uniform_level.value_or(0) == 0 && static_cast<const DetailChoice&>(query_) == finest;
+  if (file_sink_ != nullptr)
+    if (const std::string loss = file_sink_->loss(); !loss.empty())
+      warnOfLosses(result_.output, {loss + "; give --shift auto, or write .ply"});
+  if (values_ != nullptr) result_.vertices_outside = values_->outside() - outside_before_;
+  if (!warnOfEmptySurface(arguments_.query.input, isovalue_, pyramid_, range) &&
+      result_.report.triangles == 0 && !arguments_.part)
+    warnOfEmptyChoice(arguments_, result_);
+  if (result_.vertices_outside > 0)
+    fmt::print(stderr,
+               "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
+               countText(result_.vertices_outside), countText(result_.vertices),
+               oneLine(withoutSecrets(arguments_.attribute.path)),
+               lowerExtension(result_.output) == ".glb" ? "0 in the file" : "NaN in the file");
+  return std::move(result_);
+}
+
+}  // namespace isobrick

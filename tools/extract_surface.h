@@ -1,0 +1,106 @@
+// One surface of `isobrick extract`, from the words of the user to its line in the report: where
+// its triangles come from, pyramid or volume, is the caller's.
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
+#include "tools/extract_report.h"
+#include "tools/measured_sink.h"
+#include "tools/query_options.h"
+#include "tools/stopwatch.h"
+
+namespace isobrick {
+
+struct MeshShift {
+  std::optional<glm::dvec3> by;  // world units; none: to the origin
+};
+
+struct ExtractArguments {
+  QueryOptions query;
+  std::string output;              // empty: the mesh is counted only
+  VolumeInput attribute;           // whose values vertices get; path empty: none
+  bool number_components = false;  // vertices get the number of their component instead
+  std::optional<std::uint64_t> most_triangles;
+  bool drop_small = false;
+  bool list_components = false;
+  std::optional<std::uint64_t> keep_largest;
+  std::optional<double> drop_below;  // area, world units^2
+  std::optional<ShareNumber> part;
+  std::optional<MeshShift> shift;
+  bool zlib = false;
+  bool meshopt = false;
+  int repeat = 1;
+  bool force = false;
+  bool json = false;
+};
+
+// Of `isobrick extract -o`: the file of each isovalue, or of several isovalues with the value behind
+// its stem, "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
+std::vector<std::string> meshNames(const ExtractArguments& arguments);
+// Throws Error if a file is in the way: before the work, so that a path that cannot be written costs
+// no time.
+void refuseOutputs(const ExtractArguments& arguments);
+// True of a share of a mesh, .isbm.
+bool isShareName(const std::string& output);
+
+// One surface on its way. Passes of the surface go into componentSink(), if wantsComponents(), and
+// then into meshSink(), as often as wanted; each is ended before the next one begins.
+class ExtractedSurface {
+ public:
+  // All outlive it; `values` may be null. Makes the query of arguments.query.isovalue, and begins
+  // no file yet.
+  ExtractedSurface(const ExtractArguments& arguments, const Pyramid& pyramid,
+                   const PyramidValues* values, std::string output, ProgressBar& bar);
+  ExtractedSurface(const ExtractedSurface&) = delete;
+  ExtractedSurface& operator=(const ExtractedSurface&) = delete;
+
+  Query& query() { return query_; }
+  // In place of the file of the output's format.
+  void writeTo(std::unique_ptr<MeshFileSink> sink) { file_sink_ = std::move(sink); }
+
+  bool wantsComponents() const;
+  TriangleSink& componentSink();
+  void endComponents();
+  // Into the file, or counted only.
+  TriangleSink& meshSink(bool to_file);
+  void endMesh(const ExtractionReport& report);
+
+  // Warns of what the user should know. `range` is that of the voxels, as stored.
+  ExtractResult end(const ValueRange& range);
+
+ private:
+  TriangleSink& measured(TriangleSink& sink);
+
+  const ExtractArguments& arguments_;
+  const Pyramid& pyramid_;
+  const PyramidValues* const values_;
+  ProgressBar& bar_;
+  const double isovalue_;
+  Query query_;
+  ExtractResult result_;
+  std::unique_ptr<MeshFileSink> file_sink_;
+  CountingSink counting_sink_;
+  std::unique_ptr<ComponentFinder> finder_;
+  std::optional<MeasuredSink> measured_;  // around the sink of the pass
+  std::optional<ComponentFilter> filter_;
+  bool to_file_ = false;
+  Stopwatch watch_;  // of the pass
+  std::uint64_t outside_before_ = 0;
+};
+
+// The surfaces of a volume at level 0, of which no pyramid is built: isobrick-build does it, and
+// `isobrick` becomes that. Nothing if the volume's pyramid is there already, which is then
+// arguments.query.input.pyramid, or if the memory does not suffice to go through the volume. Throws
+// as the extraction of a pyramid does.
+std::optional<ExtractResults> extractVolume(ExtractArguments& arguments);
+
+}  // namespace isobrick
