@@ -27,17 +27,20 @@ set(isobrick_public_headers
   extract/sinks/triangle_sink.h
   extract/sinks/surface_components.h
   extract/sinks/vertex_numbering.h
+  extract/streamed_surface.h
   extract/surface_mesh.h
   # a pyramid in, chunks of surfaces out, pass by pass, beside an interface
   viewer/stream/merged_surface.h
   viewer/stream/surface_chunk.h
   viewer/stream/surface_stream.h
   # a volume in, a pyramid out; and volumes to other formats
+  preprocess/brick_stream.h
   preprocess/divided_pyramid.h
   preprocess/export/formats/export_volume.h
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
   preprocess/pyramid_builder.h
+  preprocess/voxel_array.h
   preprocess/sources/open_volume.h
   preprocess/value_fit.h
   preprocess/volume_source.h)

@@ -6,20 +6,27 @@
 #include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/session/query_check.h"
 #include "isobrick/extract/session/query_context.h"
+#include "isobrick/extract/session/surface_joiner.h"
 
 namespace isobrick {
 
 struct StreamedSurface::Run {
-  Run(const Pyramid& pyramid, const Query& asked, TriangleSink& into)
+  // Into `into`, or, if that is null, into `mesh`.
+  Run(const Pyramid& pyramid, const Query& asked, TriangleSink* into, SurfaceMesh* mesh)
       : query(asked),
         context(pyramid, query, log),
-        sink(into),
+        joiner(into == nullptr ? std::make_unique<SurfaceJoiner>(
+                                     *mesh, pyramid.spec().geometry, numbering)
+                               : nullptr),
+        sink(into == nullptr ? *joiner : *into),
         bricks(finestBricksOf(pyramid.layout(), query)),
         counts(noCounts(pyramid.lattice().levels())) {}
 
   const Query query;
   ReadLog log;
   const QueryContext context;
+  VertexNumbering numbering;
+  const std::unique_ptr<SurfaceJoiner> joiner;
   TriangleSink& sink;
   const IndexBox bricks;  // all that will come
   MeshMemory memory;
@@ -28,8 +35,19 @@ struct StreamedSurface::Run {
 };
 
 StreamedSurface::StreamedSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink)
-    : run_((checkQuery(pyramid, query), std::make_unique<Run>(pyramid, query, sink))) {
-  sink.begin({pyramid.spec().geometry, pyramid.spec().voxels});
+    : run_((checkQuery(pyramid, query),
+            std::make_unique<Run>(pyramid, query, &sink, nullptr))) {
+  begin();
+}
+StreamedSurface::StreamedSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh)
+    : run_((checkQuery(pyramid, query),
+            std::make_unique<Run>(pyramid, query, nullptr, &mesh))) {
+  begin();
+}
+
+void StreamedSurface::begin() {
+  const PyramidSpec& spec = run_->context->pyramid.spec();
+  run_->sink.begin({spec.geometry, spec.voxels});
 }
 StreamedSurface::~StreamedSurface() = default;
 

@@ -6,6 +6,7 @@
 
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/extract/surface_mesh.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/pyramid.h"
 
@@ -20,6 +21,8 @@ class StreamedSurface {
   // names outlive this object. Begins the mesh. Throws Error for a query that needs more than level
   // 0, or makes no sense.
   StreamedSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink);
+  // The same into memory; replaces the contents of `mesh`, which is empty until finish().
+  StreamedSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
   ~StreamedSurface();
   StreamedSurface(const StreamedSurface&) = delete;
   StreamedSurface& operator=(const StreamedSurface&) = delete;
@@ -32,6 +35,7 @@ class StreamedSurface {
 
  private:
   struct Run;
+  void begin();
   const std::unique_ptr<Run> run_;
 };
 

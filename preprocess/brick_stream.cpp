@@ -17,16 +17,6 @@
 namespace isobrick {
 namespace {
 
-PyramidSpec specOf(const VolumeInfo& info) {
-  PyramidSpec spec;
-  spec.voxels = info.voxels;
-  spec.voxel_type = info.voxel_type;
-  spec.geometry = info.geometry;
-  spec.values = info.values;
-  spec.has_curvature = false;
-  return spec;
-}
-
 // The voxels that a window of bricks takes.
 IndexBox samplesOf(const BrickLayout& layout, const IndexBox& bricks) {
   return unionOf(layout.brickSampleBox(0, bricks.first),
@@ -42,7 +32,7 @@ class BrickStream::Run {
       : options_(std::move(options)),
         source_(std::move(source)),
         info_(source_->info()),
-        layout_(specOf(info_).layout()),
+        layout_(level0Spec(info_).layout()),
         files_(source_->files()),
         stamps_(InputWatch::stampsOf(files_)) {}
   virtual ~Run() = default;
@@ -151,7 +141,7 @@ class BrickStream::TypedRun final : public Run {
                       static_cast<float>(std::numeric_limits<T>::max())};
     if (!fits()) return;
     if constexpr (std::is_same_v<T, float>) values = rangeOfAll();
-    pyramid_ = std::make_unique<Pyramid>(info_.source, specOf(info_), values, window_);
+    pyramid_ = std::make_unique<Pyramid>(info_.source, level0Spec(info_), values, window_);
   }
 
   void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) override {
@@ -214,9 +204,10 @@ class BrickStream::TypedRun final : public Run {
       rest.count.z -= common.count.z;
     }
     read(rest, to);
-    if constexpr (std::is_same_v<T, float>)
+    if constexpr (std::is_same_v<T, float>) {
       if (!is_finite_)
-        makeFinite(reinterpret_cast<float*>(to), rest, rest, std::nullopt, info_);
+        requireFinite(SampleBlock<float>::dense(reinterpret_cast<const float*>(to), rest), info_);
+    }
   }
 
   // Normals are the same whatever the range, as long as squares of gradients fit floats: so the

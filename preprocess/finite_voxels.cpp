@@ -1,5 +1,6 @@
 #include "isobrick/preprocess/finite_voxels.h"
 
+#include <bit>
 #include <cmath>
 
 #include "isobrick/preprocess/number_text.h"
@@ -7,6 +8,27 @@
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
+namespace {
+
+[[noreturn]] void failNotFinite(float voxel, const Index3& at, const VolumeInfo& info) {
+  throw Error("'" + info.source + "' has a voxel that is " +
+                  (std::isnan(voxel) ? "not a number" : "infinite, or too large for float32,") +
+                  " at (" + indexText(at) + "), and there is no value to put there",
+              {.path = info.source}, {Remedy::kReplaceNotFinite});
+}
+
+bool areFinite(const float* voxels, std::int64_t count) {
+  // The exponent of these alone has all bits: a loop for vectors.
+  constexpr std::uint32_t kExponent = 0x7F800000u;
+  std::uint32_t found = 0;
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::uint32_t bits = std::bit_cast<std::uint32_t>(voxels[i]) & kExponent;
+    found |= static_cast<std::uint32_t>(bits == kExponent);
+  }
+  return found == 0;
+}
+
+}  // namespace
 
 std::uint64_t makeFinite(float* voxels, const IndexBox& box, const IndexBox& counted,
                          std::optional<float> nan_as, const VolumeInfo& info) {
@@ -14,16 +36,21 @@ std::uint64_t makeFinite(float* voxels, const IndexBox& box, const IndexBox& cou
   for (std::int64_t i = 0; i < box.size(); ++i) {
     if (std::isfinite(voxels[i])) continue;
     const Index3 at = box.first + indexAt(i, box.count);
-    if (!nan_as)
-      throw Error(
-          "'" + info.source + "' has a voxel that is " +
-              (std::isnan(voxels[i]) ? "not a number" : "infinite, or too large for float32,") +
-              " at (" + indexText(at) + "), and there is no value to put there",
-          {.path = info.source}, {Remedy::kReplaceNotFinite});
+    if (!nan_as) failNotFinite(voxels[i], at, info);
     voxels[i] = *nan_as;
     if (contains(counted, at)) ++replaced;
   }
   return replaced;
+}
+
+void requireFinite(const SampleBlock<float>& voxels, const VolumeInfo& info) {
+  for (std::int64_t z = voxels.box.first.z; z < voxels.box.end().z; ++z)
+    for (std::int64_t y = voxels.box.first.y; y < voxels.box.end().y; ++y) {
+      const float* const row = voxels.row(y, z);
+      if (areFinite(row, voxels.box.count.x)) continue;
+      for (std::int64_t x = 0; x < voxels.box.count.x; ++x)
+        if (!std::isfinite(row[x])) failNotFinite(row[x], {voxels.box.first.x + x, y, z}, info);
+    }
 }
 
 }  // namespace isobrick

@@ -5,6 +5,16 @@
 
 namespace isobrick {
 
+PyramidSpec level0Spec(const VolumeInfo& info) {
+  PyramidSpec spec;
+  spec.voxels = info.voxels;
+  spec.voxel_type = info.voxel_type;
+  spec.geometry = info.geometry;
+  spec.values = info.values;
+  spec.has_curvature = false;
+  return spec;
+}
+
 template <typename T>
 void VoxelWindow<T>::show(const IndexBox& bricks, const SampleBlock<T>& voxels) {
   box_ = bricks;

@@ -5,9 +5,14 @@
 
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/preprocess/kernels/tile_ranges.h"
+#include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/brick_supply.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
+
+// Of a volume of which no pyramid is built: as a pyramid has it by default, without curvature.
+PyramidSpec level0Spec(const VolumeInfo& info);
 
 // The bricks of a box of voxels, which changes: those that are at hand. T is the voxel type.
 template <typename T>

@@ -48,11 +48,13 @@ struct CappedVolume {
     length += other.length;
     begins += other.begins;
   }
-  // A surface around nothing is as good as one around all.
+  // The lesser of its two sides: a pocket at the border does not enclose all the rest.
   double volume(const glm::dvec3& last) const {
     const double to_end = length + static_cast<double>(begins) * last.z;
     const double sum = flux + last.x * (area + last.y * to_end);
-    return sum < 0 ? sum + last.x * last.y * last.z : sum;
+    const double all = last.x * last.y * last.z;
+    const double inside = sum < 0 ? sum + all : sum;
+    return std::min(inside, all - inside);
   }
 };
 

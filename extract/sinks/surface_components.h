@@ -22,8 +22,8 @@ struct SurfaceComponent {
   // Enclosed, world units^3: below 0 for the wall of a hollow. None if the component has a border,
   // as it reaches the border of the volume or of the query's box.
   std::optional<double> volume;
-  // The same with the border of the volume as a wall where it is open there. None if a box cuts the
-  // surface.
+  // The same with the border of the volume as a wall where it is open there: of its two sides the
+  // lesser. None if a box cuts the surface.
   std::optional<double> enclosed;
   glm::dvec3 lower{0.0};  // of the least box around it, world units
   glm::dvec3 upper{0.0};  // likewise

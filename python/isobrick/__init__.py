@@ -5,6 +5,8 @@
         mesh = pyramid.extract(1324, focus=(75, 30, 75), radius=20)
     mesh.save("bone.ply")
 
+Or, of an array, without a file: ``points, faces, normals = isobrick.isosurface(array, 1324)``.
+
 Arrays are [z, y, x]: the last axis is x. Points, focus, spacing and origin are (x, y, z) in world units; calls
 that take points take voxel indices, (x, y, z) too, with ``indices=True``.
 """
@@ -12,6 +14,7 @@ that take points take voxel indices, (x, y, z) too, with ``indices=True``.
 from ._build import BuildReport, JoinReport, RawLayout, build, join
 from ._core import Cancel
 from ._errors import Cancelled, Error
+from ._isosurface import isosurface, marching_cubes
 from ._level import Level
 from ._mesh import Mesh
 from ._pyramid import (
@@ -50,7 +53,9 @@ __all__ = [
     "View",
     "__version__",
     "build",
+    "isosurface",
     "join",
+    "marching_cubes",
     "merge",
     "open",
 ]

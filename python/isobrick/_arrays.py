@@ -97,6 +97,8 @@ def describe(source: Any) -> ArrayVolume:
         return _of_simpleitk(source)
     if _is_a(source, "itk", "DataObject") or _is_a(source, "itk", "Image") or hasattr(source, "GetLargestPossibleRegion"):
         return _of_itk(source)
+    if _is_a(source, "torch", "Tensor"):
+        return _of_torch(source)
     if _is_a(source, "dask", "Array"):
         return _of_dask(source)
     if _module_of(source) == "tensorstore":
@@ -157,6 +159,12 @@ def _of_simpleitk(image: Any) -> ArrayVolume:
         tuple(image.GetSpacing()), tuple(image.GetOrigin()), tuple(image.GetDirection()), is_millimetres=True
     )
     return _of_numpy(SimpleITK.GetArrayViewFromImage(image), place, "SimpleITK image")
+
+
+def _of_torch(tensor: Any) -> ArrayVolume:
+    if tensor.device.type != "cpu":
+        raise Error(f"the tensor lies on {tensor.device}; give tensor.cpu()")
+    return _of_numpy(np.from_dlpack(tensor.detach()), Place(), "torch tensor")
 
 
 def _of_itk(image: Any) -> ArrayVolume:

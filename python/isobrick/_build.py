@@ -293,9 +293,10 @@ def _sum_of(reports: list[tuple[bool, BuildReport]]) -> BuildReport:
 
 
 def _describe_array(
-    volume: ArrayVolume, chosen: _FileInput, direction: Any
+    volume: ArrayVolume, chosen: _FileInput, direction: Any, identify: bool = True
 ) -> tuple[_ArrayDescription, np.dtype[Any]]:
-    """The facts of an array for the library, and the type in which its voxels come."""
+    """The facts of an array for the library, and the type in which its voxels come. ``identify``: a text too that
+    differs for arrays that differ, from some voxels."""
     place = replace(volume.place)
     if chosen.spacing is not None:
         place.spacing = chosen.spacing
@@ -314,6 +315,8 @@ def _describe_array(
         (nx, ny, nz), place.spacing, place.origin, place.direction, place.is_millimetres,
         volume.format if volume.memory is not None else volume.name or volume.format, volume.format, type_, "", notes,
     )  # fmt: skip
+    if not identify:
+        return description, delivered
     description.identity = (
         f"{volume.format} {volume.dtype.str} {volume.shape} {place.spacing} {place.origin} "
         f"{place.direction} {volume.name} {content_sample(volume)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,10 @@ class Mesh:
 
     def __init__(self, handle: _core.MeshHandle) -> None:
         self._handle = handle
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        """``points, faces, normals = mesh``."""
+        return iter((self.points, self.faces, self.normals))
 
     @property
     def points(self) -> NDArray[Any]:

@@ -2,9 +2,15 @@
 
 #include <nanobind/ndarray.h>
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 namespace nb = nanobind;
@@ -127,6 +133,42 @@ VoxelType deliveredType(const std::string& type) {
   visitStored(type,
               [&](auto tag) { result = voxelTypeOf<Delivered<typename decltype(tag)::Type>>(); });
   return result;
+}
+
+void cellContrasts(const StridedArray& array, const Index3& voxels,
+                   std::span<const double> points, std::span<float> out) {
+  visitStored(array.type, [&](auto tag) {
+    using Stored = typename decltype(tag)::Type;
+    const auto* const base = reinterpret_cast<const std::byte*>(array.address);
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, out.size()), [&](const auto& range) {
+      for (std::size_t i = range.begin(); i < range.end(); ++i) {
+        Index3 first, last;  // cells
+        for (int axis = 0; axis < 3; ++axis) {
+          const double at = points[3 * i + static_cast<std::size_t>(axis)];
+          const auto below = static_cast<std::int64_t>(std::floor(at));
+          const bool is_between = static_cast<double>(below) < at;
+          first[axis] = std::max<std::int64_t>(is_between ? below : below - 1, 0);
+          last[axis] = std::min(below, voxels[axis] - 2);
+        }
+        float most = 0;
+        Index3 cell;
+        for (cell.z = first.z; cell.z <= last.z; ++cell.z)
+          for (cell.y = first.y; cell.y <= last.y; ++cell.y)
+            for (cell.x = first.x; cell.x <= last.x; ++cell.x) {
+              float least = std::numeric_limits<float>::infinity(), greatest = -least;
+              for (int corner = 0; corner < 8; ++corner) {
+                const Index3 at =
+                    (cell + Index3(corner & 1, corner >> 1 & 1, corner >> 2)) * array.strides;
+                const auto value = static_cast<float>(load<Stored>(base + at.x + at.y + at.z, false));
+                least = std::min(least, value);
+                greatest = std::max(greatest, value);
+              }
+              most = std::max(most, greatest - least);
+            }
+        out[i] = most;
+      }
+    });
+  });
 }
 
 std::unique_ptr<VolumeSource> makeStridedSource(VolumeInfo info, const StridedArray& array,

@@ -1,6 +1,7 @@
 // isobrick._core: pyramids, queries, and building from arrays.
 #include <isobrick/isobrick.h>
 #include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -59,6 +60,75 @@ nb::object buildRead(const nb::object& description, const nb::object& read,
                    readBuildRequest(settings));
 }
 
+// The mesh of a source, which is read once.
+ExtractionReport streamInto(BrickStreamOptions options, const Query& query, SurfaceMesh& mesh,
+                            CallState& state) {
+  const std::uint64_t memory_bytes = options.memory_bytes;
+  options.cancel = &state.cancel();
+  options.progress = [&](double fraction) { state.report("values", fraction); };
+  BrickStream stream(std::move(options));
+  if (!stream.fits())
+    throw Error("memory=" + std::to_string(memory_bytes >> 20) +
+                "M is too small to go through the array; give more");
+  StreamedSurface surface(stream.pyramid(), query, mesh);
+  stream.run(finestBricksOf(stream.pyramid().layout(), query),
+             [&](const IndexBox& bricks) { surface.mesh(bricks); });
+  return surface.finish();
+}
+
+// Whether the library may take its rows for its own: a type of voxels, in order, aligned.
+bool isVoxelArray(const StridedArray& array, VoxelType type) {
+  const auto bytes = static_cast<std::int64_t>(voxelBytes(type));
+  const bool is_same = array.type == "u1" || array.type == "i1" || array.type == "u2" ||
+                       array.type == "i2" || array.type == "f4";
+  return is_same && !array.is_swapped && array.strides.x == bytes && array.strides.y % bytes == 0 &&
+         array.strides.z % bytes == 0 && array.address % static_cast<std::uintptr_t>(bytes) == 0;
+}
+
+nb::object isosurfaceStrided(const nb::object& description, std::uintptr_t address,
+                             const std::array<std::int64_t, 3>& strides, bool is_swapped,
+                             const nb::object& settings, std::uint64_t memory_bytes) {
+  VolumeInfo info = readInfo(description);
+  const StridedArray array{address,
+                           {strides[0], strides[1], strides[2]},
+                           nb::cast<std::string>(description.attr("type")),
+                           is_swapped};
+  info.voxel_type = deliveredType(array.type);
+  return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
+    if (!isVoxelArray(array, info.voxel_type))
+      return streamInto({.open = [&] { return makeStridedSource(info, array, "array"); },
+                         .memory_bytes = memory_bytes},
+                        query, mesh, state);
+    const auto bytes = static_cast<std::int64_t>(voxelBytes(info.voxel_type));
+    const auto pyramid = pyramidOfArray(
+        info, {reinterpret_cast<const void*>(array.address), array.strides.y / bytes,
+               array.strides.z / bytes});
+    return Extractor(*pyramid).extract(query, mesh);
+  });
+}
+
+nb::object isosurfaceRead(const nb::object& description, const nb::object& read,
+                          std::uint64_t buffer_bytes, const nb::object& settings,
+                          std::uint64_t memory_bytes) {
+  VolumeInfo info = readInfo(description);
+  info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
+  return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
+    return streamInto({.open = [&] { return makeReaderSource(info, read, buffer_bytes, "array"); },
+                       .memory_bytes = memory_bytes},
+                      query, mesh, state);
+  });
+}
+
+void contrasts(std::uintptr_t address, const std::array<std::int64_t, 3>& strides,
+               const std::array<std::int64_t, 3>& voxels, const std::string& type,
+               const nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig>& points,
+               const nb::ndarray<float, nb::shape<-1>, nb::c_contig>& out) {
+  const StridedArray array{address, {strides[0], strides[1], strides[2]}, type, false};
+  const nb::gil_scoped_release unlocked;
+  cellContrasts(array, {voxels[0], voxels[1], voxels[2]}, {points.data(), points.size()},
+                {out.data(), out.size()});
+}
+
 nb::list arraySuperBricks(const nb::object& description, const nb::object& settings) {
   VolumeInfo info = readInfo(description);
   info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
@@ -96,6 +166,19 @@ NB_MODULE(_core, m) {
   m.def("super_bricks", &arraySuperBricks, nb::arg("description"), nb::arg("settings"),
         nb::sig("def super_bricks(description: object, settings: object) -> list[tuple[str, "
                 "tuple[int, int, int], tuple[int, int, int]]]"));
+  m.def("isosurface_strided", &isosurfaceStrided, nb::arg("description"), nb::arg("address"),
+        nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"), nb::arg("memory_bytes"),
+        nb::sig("def isosurface_strided(description: object, address: int, strides: tuple[int, "
+                "int, int], is_swapped: bool, settings: object, memory_bytes: int) -> MeshHandle"));
+  m.def("isosurface_read", &isosurfaceRead, nb::arg("description"), nb::arg("read"),
+        nb::arg("buffer_bytes"), nb::arg("settings"), nb::arg("memory_bytes"),
+        nb::sig("def isosurface_read(description: object, read: typing.Any, buffer_bytes: int, "
+                "settings: object, memory_bytes: int) -> MeshHandle"));
+  m.def("cell_contrasts", &contrasts, nb::arg("address"), nb::arg("strides"), nb::arg("voxels"),
+        nb::arg("type"), nb::arg("points"), nb::arg("out"),
+        nb::sig("def cell_contrasts(address: int, strides: tuple[int, int, int], voxels: "
+                "tuple[int, int, int], type: str, points: numpy.typing.NDArray[numpy.float64], "
+                "out: numpy.typing.NDArray[numpy.float32]) -> None"));
   m.def("build_strided", &buildStrided, nb::arg("description"), nb::arg("address"),
         nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"),
         nb::sig("def build_strided(description: object, address: int, strides: tuple[int, int, "

@@ -357,7 +357,45 @@ class Session {
   std::vector<std::shared_ptr<MeshData>> meshes_;
 };
 
+// The memory of one mesh between calls of isosurface(), unless it is large: a loop over volumes
+// touches no fresh memory.
+class IdleMesh {
+ public:
+  // It, if no array holds it any more; else a new one, which takes its place.
+  std::shared_ptr<MeshData> take() {
+    const std::lock_guard lock(mutex_);
+    if (mesh_.use_count() != 1) mesh_ = std::make_shared<MeshData>();
+    return mesh_;
+  }
+  void forgetIfLarge(const MeshData& mesh) {
+    constexpr std::uint64_t kMostVertices = std::uint64_t{1} << 22;  // some 200 MB with triangles
+    const std::lock_guard lock(mutex_);
+    if (mesh_.get() == &mesh && mesh.vertices() > kMostVertices) mesh_.reset();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::shared_ptr<MeshData> mesh_;
+};
+
 }  // namespace
+
+nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
+                        const MeshExtraction& extract) {
+  static auto* const idle = new IdleMesh;
+  Query query = readQuery(settings, info.geometry);
+  const CallOptions call = readCall(settings);
+  const std::shared_ptr<const VertexValues> values = readValues(settings);
+  const std::shared_ptr<MeshData> mesh = idle->take();
+  runInterruptibly(call, [&](CallState& state) {
+    query.cancel = &state.cancel();
+    query.fraction_done = &state.fraction();
+    const ExtractionReport report = extract(query, mesh->surface(), state);
+    mesh->filled({info.geometry, info.voxels}, report, values);
+  });
+  idle->forgetIfLarge(*mesh);
+  return nb::cast(MeshHandle{mesh});
+}
 
 void bindQueries(nb::module_& module) {
   nb::class_<MeshHandle>(module, "MeshHandle")
