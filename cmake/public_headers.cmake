@@ -18,6 +18,7 @@ set(isobrick_public_headers
   storage/voxel_type.h
   # a pyramid in, triangles out
   extract/extractor.h
+  extract/one_pass_surface.h
   extract/pyramid_values.h
   extract/query.h
   extract/shares/mesh_share.h
@@ -27,7 +28,6 @@ set(isobrick_public_headers
   extract/sinks/triangle_sink.h
   extract/sinks/surface_components.h
   extract/sinks/vertex_numbering.h
-  extract/streamed_surface.h
   extract/surface_mesh.h
   # a pyramid in, chunks of surfaces out, pass by pass, beside an interface
   viewer/stream/merged_surface.h

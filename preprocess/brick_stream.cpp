@@ -88,7 +88,8 @@ class BrickStream::Run {
       std::int64_t x = all.x, y = all.y;
       while (y > 1 && !fits(x, y, 2)) --y;
       while (x > 1 && !fits(x, y, 2)) --x;
-      if (fits(x, y, 2)) return Plan{{bricks, x, y}, 2};
+      for (const std::size_t windows : {2, 1})
+        if (fits(x, y, windows)) return Plan{{bricks, x, y}, windows};
     }
     return std::nullopt;
   }

@@ -42,7 +42,7 @@ class BrickStream {
   // All files that it depends on: VolumeSource::files().
   std::vector<std::string> files() const;
   // Level 0 alone, in bricks as a pyramid has them by default. Only bricks that are at hand may be
-  // used: StreamedSurface does.
+  // used: OnePassSurface does.
   const Pyramid& pyramid() const;
 
   // Reads the volume and calls `take` for one window of `bricks` after the other, in the order of

@@ -61,16 +61,19 @@ nb::object buildRead(const nb::object& description, const nb::object& read,
 }
 
 // The mesh of a source, which is read once.
-ExtractionReport streamInto(BrickStreamOptions options, const Query& query, SurfaceMesh& mesh,
-                            CallState& state) {
-  const std::uint64_t memory_bytes = options.memory_bytes;
+using OpenSource = std::function<std::unique_ptr<VolumeSource>()>;
+ExtractionReport streamInto(const OpenSource& open, std::uint64_t memory_bytes, const Query& query,
+                            SurfaceMesh& mesh, CallState& state) {
+  BrickStreamOptions options;
+  options.open = open;
+  options.memory_bytes = memory_bytes;
   options.cancel = &state.cancel();
   options.progress = [&](double fraction) { state.report("values", fraction); };
   BrickStream stream(std::move(options));
   if (!stream.fits())
     throw Error("memory=" + std::to_string(memory_bytes >> 20) +
                 "M is too small to go through the array; give more");
-  StreamedSurface surface(stream.pyramid(), query, mesh);
+  OnePassSurface surface(stream.pyramid(), query, mesh);
   stream.run(finestBricksOf(stream.pyramid().layout(), query),
              [&](const IndexBox& bricks) { surface.mesh(bricks); });
   return surface.finish();
@@ -96,9 +99,8 @@ nb::object isosurfaceStrided(const nb::object& description, std::uintptr_t addre
   info.voxel_type = deliveredType(array.type);
   return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
     if (!isVoxelArray(array, info.voxel_type))
-      return streamInto({.open = [&] { return makeStridedSource(info, array, "array"); },
-                         .memory_bytes = memory_bytes},
-                        query, mesh, state);
+      return streamInto([&] { return makeStridedSource(info, array, "array"); }, memory_bytes, query,
+                        mesh, state);
     const auto bytes = static_cast<std::int64_t>(voxelBytes(info.voxel_type));
     const auto pyramid = pyramidOfArray(
         info, {reinterpret_cast<const void*>(array.address), array.strides.y / bytes,
@@ -113,9 +115,8 @@ nb::object isosurfaceRead(const nb::object& description, const nb::object& read,
   VolumeInfo info = readInfo(description);
   info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
   return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
-    return streamInto({.open = [&] { return makeReaderSource(info, read, buffer_bytes, "array"); },
-                       .memory_bytes = memory_bytes},
-                      query, mesh, state);
+    return streamInto([&] { return makeReaderSource(info, read, buffer_bytes, "array"); },
+                      memory_bytes, query, mesh, state);
   });
 }
 

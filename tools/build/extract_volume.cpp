@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/extract/streamed_surface.h"
+#include "isobrick/extract/one_pass_surface.h"
 #include "isobrick/preprocess/brick_stream.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/storage/index_loop.h"
@@ -71,12 +71,12 @@ using SinkOf = std::function<TriangleSink&(ExtractedSurface&)>;
 std::vector<ExtractionReport> streamSurfaces(
     BrickStream& stream, std::vector<std::unique_ptr<ExtractedSurface>>& surfaces,
     const SinkOf& sink_of) {
-  std::vector<std::unique_ptr<StreamedSurface>> streamed;
+  std::vector<std::unique_ptr<OnePassSurface>> streamed;
   IndexBox bricks;
   for (const auto& surface : surfaces) {
     const Query& query = surface->query();
     streamed.push_back(
-        std::make_unique<StreamedSurface>(stream.pyramid(), query, sink_of(*surface)));
+        std::make_unique<OnePassSurface>(stream.pyramid(), query, sink_of(*surface)));
     bricks = unionOf(bricks, finestBricksOf(stream.pyramid().layout(), query));
   }
   stream.run(bricks, [&](const IndexBox& window) {

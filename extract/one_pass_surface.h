@@ -15,17 +15,17 @@ namespace isobrick {
 // Meshes bricks as they come by. The sink gets, batch by batch, what Extractor::extract() gives for
 // a pyramid of the same volume. For several surfaces, give each run of bricks to one after the
 // other. Used by one thread at a time; works on the calling TBB arena.
-class StreamedSurface {
+class OnePassSurface {
  public:
   // The pyramid has level 0 alone (Pyramid's second constructor). It, the sink and what the query
   // names outlive this object. Begins the mesh. Throws Error for a query that needs more than level
   // 0, or makes no sense.
-  StreamedSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink);
+  OnePassSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink);
   // The same into memory; replaces the contents of `mesh`, which is empty until finish().
-  StreamedSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
-  ~StreamedSurface();
-  StreamedSurface(const StreamedSurface&) = delete;
-  StreamedSurface& operator=(const StreamedSurface&) = delete;
+  OnePassSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
+  ~OnePassSurface();
+  OnePassSurface(const OnePassSurface&) = delete;
+  OnePassSurface& operator=(const OnePassSurface&) = delete;
 
   // Meshes these bricks of level 0, which are at hand and follow those of the last call in the
   // order of the brick table. Throws what Extractor::execute() does.

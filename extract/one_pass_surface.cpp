@@ -1,4 +1,4 @@
-#include "isobrick/extract/streamed_surface.h"
+#include "isobrick/extract/one_pass_surface.h"
 
 #include <cmath>
 
@@ -10,7 +10,7 @@
 
 namespace isobrick {
 
-struct StreamedSurface::Run {
+struct OnePassSurface::Run {
   // Into `into`, or, if that is null, into `mesh`.
   Run(const Pyramid& pyramid, const Query& asked, TriangleSink* into, SurfaceMesh* mesh)
       : query(asked),
@@ -34,24 +34,24 @@ struct StreamedSurface::Run {
   double bricks_done = 0;
 };
 
-StreamedSurface::StreamedSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink)
+OnePassSurface::OnePassSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink)
     : run_((checkQuery(pyramid, query),
             std::make_unique<Run>(pyramid, query, &sink, nullptr))) {
   begin();
 }
-StreamedSurface::StreamedSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh)
+OnePassSurface::OnePassSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh)
     : run_((checkQuery(pyramid, query),
             std::make_unique<Run>(pyramid, query, nullptr, &mesh))) {
   begin();
 }
 
-void StreamedSurface::begin() {
+void OnePassSurface::begin() {
   const PyramidSpec& spec = run_->context->pyramid.spec();
   run_->sink.begin({spec.geometry, spec.voxels});
 }
-StreamedSurface::~StreamedSurface() = default;
+OnePassSurface::~OnePassSurface() = default;
 
-void StreamedSurface::mesh(const IndexBox& bricks) {
+void OnePassSurface::mesh(const IndexBox& bricks) {
   const auto all = static_cast<double>(run_->bricks.size());
   const double done = run_->bricks_done + static_cast<double>(bricks.size());
   meshInOrder(*run_->context, traverseFinestBricks(*run_->context, bricks), run_->memory,
@@ -60,7 +60,7 @@ void StreamedSurface::mesh(const IndexBox& bricks) {
   run_->context->checkCancel();
 }
 
-ExtractionReport StreamedSurface::finish() {
+ExtractionReport OnePassSurface::finish() {
   run_->sink.finish();
   return makeReport(run_->context->pyramid, run_->log, run_->counts);
 }
