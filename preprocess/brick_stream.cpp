@@ -4,7 +4,6 @@
 #include <array>
 #include <cstring>
 #include <future>
-#include <limits>
 
 #include "isobrick/preprocess/brick_window.h"
 #include "isobrick/preprocess/finite_voxels.h"
@@ -13,6 +12,7 @@
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/preprocess/voxel_window.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -138,8 +138,7 @@ class BrickStream::TypedRun final : public Run {
   TypedRun(BrickStreamOptions options, std::unique_ptr<VolumeSource> source)
       : Run(std::move(options), std::move(source)),
         window_(std::make_shared<VoxelWindow<T>>(layout_)) {
-    ValueRange values{static_cast<float>(std::numeric_limits<T>::lowest()),
-                      static_cast<float>(std::numeric_limits<T>::max())};
+    ValueRange values = rangeOfType<T>();
     if (!fits()) return;
     if constexpr (std::is_same_v<T, float>) values = rangeOfAll();
     pyramid_ = std::make_unique<Pyramid>(info_.source, level0Spec(info_), values, window_);
@@ -170,15 +169,14 @@ class BrickStream::TypedRun final : public Run {
       const bool is_overlapped = plan.buffers > 1 && i + 1 < plan.windows.count();
       if (is_overlapped) next = std::async(std::launch::async, fill, i + 1);
       const auto now = static_cast<std::size_t>(i) % plan.buffers;
-      const IndexBox window = plan.windows.window(i);
-      window_->show(window, SampleBlock<T>::dense(reinterpret_cast<const T*>(buffers_[now].data()),
-                                                  boxes[now]));
-      take(window);
+      window_->show(
+          SampleBlock<T>::dense(reinterpret_cast<const T*>(buffers_[now].data()), boxes[now]));
+      take(plan.windows.window(i));
     }
     throwIfChanged();
   }
 
-  ValueRange readRange() const override { return window_->shownRange(); }
+  ValueRange readRange() const override { return window_->seenRange(); }
 
  private:
   std::size_t bytesOfLargest(const BrickWindows& windows) const {
@@ -211,17 +209,18 @@ class BrickStream::TypedRun final : public Run {
     }
   }
 
-  // Normals are the same whatever the range, as long as squares of gradients fit floats: so the
-  // range of the type does for integers, and floats need that of their values.
   ValueRange rangeOfAll() {
     const IndexBox all = allBricks();
     double done = 0;
     run(all, [&](const IndexBox& bricks) {
+      isolatedForEach(std::int64_t{0}, bricks.size(), [&](std::int64_t i) {
+        static_cast<void>(window_->range(bricks.first + indexAt(i, bricks.count)));
+      });
       done += static_cast<double>(bricks.size());
       if (options_.progress) options_.progress(done / static_cast<double>(all.size()));
     });
     is_finite_ = true;
-    return window_->shownRange();
+    return window_->seenRange();
   }
 
   const std::shared_ptr<VoxelWindow<T>> window_;

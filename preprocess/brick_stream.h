@@ -51,8 +51,7 @@ class BrickStream {
   // meanwhile, Cancelled, and what `take` throws.
   void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take);
 
-  // The least and the greatest voxel that run() read, as stored; of the whole volume if that was
-  // read.
+  // The least and the greatest voxel, as stored, of the bricks that were used.
   ValueRange readRange() const;
   // Notes of opening and reading, a line each.
   std::vector<std::string> notes() const;

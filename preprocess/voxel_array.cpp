@@ -2,6 +2,7 @@
 
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/voxel_window.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
@@ -12,13 +13,19 @@ std::unique_ptr<const Pyramid> pyramidOf(const VolumeInfo& info, const VoxelArra
   const PyramidSpec spec = level0Spec(info);
   const SampleBlock<T> voxels{static_cast<const T*>(array.first), {Index3(0), info.voxels},
                               array.row_stride, array.slice_stride};
-  if constexpr (std::is_same_v<T, float>)
-    isolatedFor(std::int64_t{0}, info.voxels.z, [&](std::int64_t z) {
-      requireFinite(voxels.part({{0, 0, z}, {info.voxels.x, info.voxels.y, 1}}), info);
+  const BrickLayout layout = spec.layout();
+  const auto window = std::make_shared<VoxelWindow<T>>(layout);
+  window->show(voxels);
+  ValueRange values = rangeOfType<T>();
+  if constexpr (std::is_same_v<T, float>) {
+    isolatedForEach(std::int64_t{0}, elementCount(layout.bricks(0)), [&](std::int64_t i) {
+      const Index3 brick = indexAt(i, layout.bricks(0));
+      requireFinite(voxels.part(layout.brickOwnSamples(0, brick)), info);
+      static_cast<void>(window->range(brick));
     });
-  const auto window = std::make_shared<VoxelWindow<T>>(spec.layout());
-  window->show({Index3(0), spec.layout().bricks(0)}, voxels);
-  return std::make_unique<const Pyramid>(info.source, spec, window->shownRange(), window);
+    values = window->seenRange();
+  }
+  return std::make_unique<const Pyramid>(info.source, spec, values, window);
 }
 
 }  // namespace

@@ -17,9 +17,9 @@ struct VoxelArray {
   std::int64_t slice_stride = 0;  // from (x, y, z) to (x, y, z + 1)
 };
 
-// For queries of level 0, by Extractor: the mesh is that of a pyramid of the same volume. Goes once
-// through the array, on the calling TBB arena, for the ranges of its bricks; queries copy the bricks
-// that the surface crosses, and nothing else. The array outlives the result, and does not change
+// For queries of level 0, by Extractor: the mesh is that of a pyramid of the same volume. A query
+// goes once through the bricks that it needs, and copies those that the surface crosses; of float32,
+// this goes once through the array, on the calling TBB arena, for the range of its values. The array outlives the result, and does not change
 // meanwhile. Throws Error for NaN and infinite voxels.
 std::unique_ptr<const Pyramid> pyramidOfArray(const VolumeInfo& info, const VoxelArray& array);
 

@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/voxel_window.h"
 
-#include "isobrick/storage/index_loop.h"
-#include "isobrick/storage/isolated_loop.h"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
 
 namespace isobrick {
 
@@ -16,27 +15,29 @@ PyramidSpec level0Spec(const VolumeInfo& info) {
 }
 
 template <typename T>
-void VoxelWindow<T>::show(const IndexBox& bricks, const SampleBlock<T>& voxels) {
-  box_ = bricks;
-  voxels_ = voxels;
-  const auto count = static_cast<std::size_t>(bricks.size());
-  if (bricks_.size() < count) bricks_.resize(count);
-  isolatedForEach(std::size_t{0}, count, [&](std::size_t i) {
-    findRanges(bricks.first + indexAt(static_cast<std::int64_t>(i), bricks.count), bricks_[i]);
-  });
-  for (std::size_t i = 0; i < count; ++i) shown_range_.include(bricks_[i].range);
+ValueRange VoxelWindow<T>::seenRange() const {
+  const std::lock_guard lock(mutex_);
+  return seen_;
 }
 
 template <typename T>
-void VoxelWindow<T>::findRanges(const Index3& brick, Brick& out) const {
-  out.tiles.reset(layout_.brickTiles(0, brick));
-  includeClosedCubes(voxels_, layout_.brickCellBox(0, brick), layout_.tileCells(), out.tiles);
-  out.pairs.resize(2 * out.tiles.size());
-  out.range = {};
-  for (std::size_t i = 0; i < out.tiles.size(); ++i) {
-    out.pairs[2 * i] = out.tiles.min[i];
-    out.pairs[2 * i + 1] = out.tiles.max[i];
-    out.range.include(out.tiles.range(i));
+ValueRange VoxelWindow<T>::range(const Index3& brick) const {
+  const IndexBox cells = layout_.brickCellBox(0, brick);
+  const ValueRange range = rangeOfBlock(voxels_.part({cells.first, cells.count + Index3(1)}));
+  const std::lock_guard lock(mutex_);
+  seen_.include(range);
+  return range;
+}
+
+template <typename T>
+void VoxelWindow<T>::copyTileRanges(const Index3& brick, std::byte* out) const {
+  thread_local CubeRanges<T> tiles;
+  tiles.reset(layout_.brickTiles(0, brick));
+  includeClosedCubes(voxels_, layout_.brickCellBox(0, brick), layout_.tileCells(), tiles);
+  T* pair = reinterpret_cast<T*>(out);
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    *pair++ = tiles.min[i];
+    *pair++ = tiles.max[i];
   }
 }
 

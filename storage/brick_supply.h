@@ -18,11 +18,11 @@ class BrickSupply {
   BrickSupply(const BrickSupply&) = delete;
   BrickSupply& operator=(const BrickSupply&) = delete;
 
-  // The range of all voxels at the corners of the brick's cells.
+  // The range of all voxels at the corners of the brick's cells. Goes through them.
   virtual ValueRange range(const Index3& brick) const = 0;
-  // The least and the greatest voxel at the corners of each of layout().brickTiles(0, brick), as
-  // pairs of voxels, x fastest. Valid while the brick is at hand.
-  virtual const std::byte* tileRanges(const Index3& brick) const = 0;
+  // Writes the least and the greatest voxel at the corners of each of layout().brickTiles(0,
+  // brick), as pairs of voxels, x fastest. Goes through the voxels.
+  virtual void copyTileRanges(const Index3& brick, std::byte* out) const = 0;
   // Writes the voxels of layout().brickSampleBox(0, brick), x fastest.
   virtual void copySamples(const Index3& brick, std::byte* out) const = 0;
 };

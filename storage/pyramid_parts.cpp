@@ -37,10 +37,6 @@ BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3&
 BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
                                 const CancelFlag* cancel) const {
   BrickPart part;
-  if (isSupplied()) {
-    part.data_ = supply_->tileRanges(brick);  // samples are copies
-    return part;
-  }
   part.id_ = partId(kind, brickRow(level, brick));
   const char* why = "";
   part.data_ = pager_.acquire(part.id_, &why, cancel);
@@ -154,9 +150,19 @@ BrickSamples PyramidParts::samples(int level, const Index3& brick, const CancelF
   return result;
 }
 
+BrickPart PyramidParts::suppliedRanges(const Index3& brick) const {
+  BrickPart part;
+  part.made_ =
+      std::make_unique_for_overwrite<std::byte[]>(partBytes(spec(), layout(), kRanges, 0, brick));
+  part.data_ = part.made_.get();
+  supply_->copyTileRanges(brick, part.made_.get());
+  return part;
+}
+
 BrickRanges PyramidParts::ranges(int level, const Index3& brick, const CancelFlag* cancel) const {
   const BrickRow row = brickRowOf(level, brick);
-  if (row.part(kRanges).stored_bytes == 0 && !isSupplied()) return {{}, row.constant};
+  if (isSupplied()) return {suppliedRanges(brick), 0};
+  if (row.part(kRanges).stored_bytes == 0) return {{}, row.constant};
   return {acquire(kRanges, level, brick, cancel), 0};
 }
 
@@ -176,8 +182,11 @@ void PyramidParts::crossedTiles(int level, const Index3& brick, float isovalue,
   const BrickRow row = brickRowOf(level, brick);
   const auto count = static_cast<std::size_t>(elementCount(layout().brickTiles(level, brick)));
   out.assign(count, 0);
-  if (row.part(kRanges).stored_bytes == 0 && !isSupplied()) return;  // one value does not cross
-  const BrickPart part = acquire(kRanges, level, brick, cancel);
+  if (isSupplied() ? !supply_->range(brick).crosses(isovalue)
+                   : row.part(kRanges).stored_bytes == 0)  // one value does not cross
+    return;
+  const BrickPart part =
+      isSupplied() ? suppliedRanges(brick) : acquire(kRanges, level, brick, cancel);
   visitVoxelType(spec().voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     const std::optional<T> threshold = insideThreshold<T>(isovalue);

@@ -66,7 +66,7 @@ class PyramidParts {
   }
   // Closure of the values in the brick's cells (rule 7).
   ValueRange brickRange(int level, const Index3& brick) const {
-    if (isSupplied()) return level == 0 ? supply_->range(brick) : tables_.valueRange();
+    if (isSupplied()) return tables_.valueRange();  // nobody went through the voxels yet
     const BrickRow row = brickRowOf(level, brick);
     return {row.range_min, row.range_max};
   }
@@ -159,6 +159,7 @@ class PyramidParts {
   BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick,
                     const CancelFlag* cancel = nullptr) const;
+  BrickPart suppliedRanges(const Index3& brick) const;
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
 
   const PyramidTables& tables_;

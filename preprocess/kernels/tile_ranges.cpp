@@ -86,6 +86,47 @@ void includeCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int
   }
 }
 
+// In the order of memory.
+template <typename T>
+void rangeOfRows(const SampleBlock<T>& samples, T& least, T& greatest) {
+  const hn::ScalableTag<T> d;
+  const auto lanes = static_cast<std::int64_t>(hn::Lanes(d));
+  const std::int64_t count = samples.box.count.x;
+  least = greatest = *samples.data;
+  auto min = hn::Set(d, least), max = min;
+  for (std::int64_t z = 0; z < samples.box.count.z; ++z)
+    for (std::int64_t y = 0; y < samples.box.count.y; ++y) {
+      const T* const row = samples.data + z * samples.slice_stride + y * samples.row_stride;
+      if (count < lanes) {
+        for (std::int64_t x = 0; x < count; ++x) {
+          least = std::min(least, row[x]);
+          greatest = std::max(greatest, row[x]);
+        }
+        continue;
+      }
+      for (std::int64_t x = 0;; x = std::min(x + lanes, count - lanes)) {
+        const auto v = hn::LoadU(d, row + x);
+        min = hn::Min(min, v);
+        max = hn::Max(max, v);
+        if (x == count - lanes) break;  // which overlaps the one before
+      }
+    }
+  std::vector<T> ends(2 * static_cast<std::size_t>(lanes));
+  hn::StoreU(min, d, ends.data());
+  hn::StoreU(max, d, ends.data() + lanes);
+  least = std::min(least, *std::min_element(ends.begin(), ends.begin() + lanes));
+  greatest = std::max(greatest, *std::max_element(ends.begin() + lanes, ends.end()));
+}
+
+// `samples` is a SampleBlock<T>, `range` two T.
+void rangeOfType(VoxelType type, const void* samples, void* range) {
+  visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    T* const ends = static_cast<T*>(range);
+    rangeOfRows<T>(*static_cast<const SampleBlock<T>*>(samples), ends[0], ends[1]);
+  });
+}
+
 // Highway dispatches functions, not templates, so this is one for all voxel types: `samples` is a
 // SampleBlock<T>, `ranges` a CubeRanges<T>.
 void includeCubesOfType(VoxelType type, const void* samples, const IndexBox& cells,
@@ -113,6 +154,14 @@ void CubeRanges<T>::reset(const Index3& new_dims) {
 }
 
 HWY_EXPORT(includeCubesOfType);
+HWY_EXPORT(rangeOfType);
+
+template <typename T>
+ValueRange rangeOfBlock(const SampleBlock<T>& samples) {
+  T range[2];
+  HWY_DYNAMIC_DISPATCH(rangeOfType)(voxelTypeOf<T>(), &samples, range);
+  return {static_cast<float>(range[0]) + 0.0f, static_cast<float>(range[1]) + 0.0f};
+}
 
 template <typename T>
 void includeClosedCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge,
@@ -122,6 +171,7 @@ void includeClosedCubes(const SampleBlock<T>& samples, const IndexBox& cells, st
 
 #define ISOBRICK_INSTANTIATE(T)                                                             \
   template struct CubeRanges<T>;                                                            \
+  template ValueRange rangeOfBlock<T>(const SampleBlock<T>&);                               \
   template void includeClosedCubes<T>(const SampleBlock<T>&, const IndexBox&, std::int64_t, \
                                       CubeRanges<T>&);
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)

@@ -23,6 +23,10 @@ struct CubeRanges {
   }
 };
 
+// The least and the greatest sample of the block, none NaN. T: a voxel type. Zeros are positive.
+template <typename T>
+ValueRange rangeOfBlock(const SampleBlock<T>& samples);
+
 // Widens each range by the samples in its closed cube. The cubes are the blocks of `edge`^3 cells
 // that cut up the box `cells` of the block's level, fewer at its far sides: ranges.dims is
 // ceil(cells.count / edge). `samples` holds all corners of `cells`. T: a voxel type. Thread-safe

@@ -104,7 +104,7 @@ def marching_cubes(
     allow_degenerate: bool = True,
     method: str = "lewiner",
     mask: NDArray[np.bool_] | None = None,
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[Any], NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
     """``skimage.measure.marching_cubes``, faster: the same parameters, order of axes and result
     ``(verts, faces, normals, values)``. Vertices, spacing and normals are in the order of the array's axes.
 
@@ -133,12 +133,14 @@ def marching_cubes(
     if array.dtype.str[1:] not in ("u1", "i1", "u2", "i2", "f4") or not array.dtype.isnative:
         array = array.astype(np.float32)  # as scikit-image computes
     coarse = array[::step, ::step, ::step]
-    least, greatest = coarse.min(), coarse.max()
+    least, greatest = array.min(), array.max()
     if level is None:
         level = 0.5 * (float(least) + float(greatest))
     level = float(level)
     if level < least or level > greatest:
         raise ValueError("Surface level must be within volume data range.")
+    if min(coarse.shape) < 2:
+        raise RuntimeError("No surface found at the given iso value.")
     # There a voxel of just this value is outside.
     above = float(np.nextafter(np.float32(level), np.float32(np.inf)))
     mesh = isosurface(coarse, above, indices=True)
@@ -153,10 +155,14 @@ def marching_cubes(
         points, normals, faces = points[used], normals[used], number[faces]
     if not len(faces):
         raise RuntimeError("No surface found at the given iso value.")
-    verts = points[:, ::-1] * (np.asarray(spacing, dtype=np.float64) * step)
+    verts = points[:, ::-1] * float(step)
+    if not np.array_equal(spacing, (1, 1, 1)):
+        verts *= np.asarray(spacing, dtype=np.float64)
+    else:
+        verts = verts.astype(np.float32)
     if gradient_direction == "ascent":
         faces = np.ascontiguousarray(faces[:, ::-1])
-    return verts.astype(np.float32), faces, np.ascontiguousarray(normals[:, ::-1]), _values(coarse, points)
+    return verts, faces, np.ascontiguousarray(normals[:, ::-1]), _values(coarse, points)
 
 
 def _in_mask(
