@@ -130,7 +130,7 @@ void findComponents(const ExtractArguments& arguments, Extractor& extractor, con
   const SurfaceComponents& all = *result.components;
   if (arguments.keep_largest) {
     result.is_kept = all.largest(*arguments.keep_largest, arguments.drop_below.value_or(0));
-    result.ranked_by = query.box ? "area" : "volume";
+    result.ranked_by = query.box || result.missing_voxels > 0 ? "area" : "volume";
   } else {
     result.is_kept.assign(all.list().size(), 0);
     std::fill_n(result.is_kept.begin(), all.countFrom(arguments.drop_below.value_or(0)),
@@ -160,6 +160,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   ExtractResult result;
   result.output = output;
   result.isovalue = arguments.query.isovalue;
+  result.missing_voxels = pyramid.missingVoxels();
   Query query = makeQuery(arguments.query, pyramid);
   if (arguments.drop_small) {
     if (!query.simplify) query.simplify.emplace();
