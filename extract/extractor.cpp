@@ -46,7 +46,8 @@ struct Extractor::Memory {
   ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
                             TriangleSink& sink) {
     std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
-    sink.begin({context.pyramid.spec().geometry, context.pyramid.spec().voxels});
+    const PyramidSpec& spec = context.pyramid.spec();
+    sink.begin({spec.geometry, spec.voxels, spec.has_missing});
     meshInOrder(context, bricks, mesh, sink, counts);
     context.checkCancel();
     context.throwIfWrittenOver();

@@ -26,7 +26,7 @@ void BrickClosures::includeInFiner(int level, const Index3& brick, const SampleB
     if (!rows_.hasLevel(level - down)) continue;
     const std::int64_t edge = layout_.brickCells() >> down;
     cubes.reset(BrickLayout::ceilDivide(cells.count, edge));
-    includeClosedCubes(samples, cells, edge, cubes);
+    includeClosedCubes(samples, cells, edge, cubes, has_missing_);
     const Index3 first = cells.first / edge;
     std::size_t cube = 0;
     forEachIndex({first, cubes.dims}, [&](const Index3& finer) {

@@ -18,8 +18,10 @@ namespace isobrick {
 class BrickClosures {
  public:
   // For these bricks, with empty ranges at first.
-  BrickClosures(const BrickLayout& layout, const TableRows& rows)
-      : BrickClosures(layout, rows, std::vector<ValueRange>(rows.count())) {}
+  BrickClosures(const BrickLayout& layout, const TableRows& rows, bool has_missing = false)
+      : BrickClosures(layout, rows, std::vector<ValueRange>(rows.count())) {
+    has_missing_ = has_missing;
+  }
   // With ranges that are known.
   BrickClosures(const BrickLayout& layout, const TableRows& rows, std::vector<ValueRange> ranges)
       : layout_(layout), rows_(rows), ranges_(std::move(ranges)) {}
@@ -44,6 +46,7 @@ class BrickClosures {
   BrickLayout layout_;
   TableRows rows_;
   std::vector<ValueRange> ranges_;
+  bool has_missing_ = false;  // samples without data
 };
 
 }  // namespace isobrick

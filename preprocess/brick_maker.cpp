@@ -73,7 +73,7 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
       auto& coarse = s.above[static_cast<std::size_t>(above)];
       coarse.resize(static_cast<std::size_t>(box.size()));
       lowPassBlock(layout.lattice(), level + above - 1, spec_.filter, blockAbove(above - 1), box,
-                   coarse.data());
+                   coarse.data(), spec_.has_missing);
     }
     if (handed_on.samples != nullptr)
       copyBox(blockAbove(1), needs_.handedOn(level, bricks), handed_on.samples, handed_on.box);
@@ -84,7 +84,7 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
     s.tiles.reset(layout.brickTiles(level, brick));
     for (int above = 0; above <= top; ++above) {
       includeClosedCubes(blockAbove(above), needs_.cellsAbove(level, bricks, above),
-                         spec_.tile_cells >> above, s.tiles);
+                         spec_.tile_cells >> above, s.tiles, spec_.has_missing);
       if (above == 0 && level == 0) voxels = unionOf(s.tiles);
     }
     if (finer_tiles != nullptr) includeFinerTiles(level, brick, *finer_tiles, s);
@@ -120,7 +120,8 @@ void BrickMaker<T>::passOn(int level, const IndexBox& coarse, const SampleBlock<
   Scratch& s = scratch();
   s.above.resize(std::max<std::size_t>(s.above.size(), 1));
   s.above[0].resize(static_cast<std::size_t>(coarse.size()));
-  lowPassBlock(needs_.layout().lattice(), level, spec_.filter, samples, coarse, s.above[0].data());
+  lowPassBlock(needs_.layout().lattice(), level, spec_.filter, samples, coarse, s.above[0].data(),
+               spec_.has_missing);
   copyBox(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
           handed_on.box);
 }
@@ -148,12 +149,14 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
   if (level == 0) count(brick, samples);
   const PhaseTimes::Timer timer(times_, BuildStep::kRanges);
   ValueRange tiles, voxels;
-  for (const T value : s.pairs) tiles.include(static_cast<float>(value));
+  for (std::size_t i = 0; i < s.pairs.size(); i += 2)
+    tiles.include({static_cast<float>(s.pairs[i]), static_cast<float>(s.pairs[i + 1])});
   closures_.include(level, brick, tiles, samples);
   handOnTiles(level, brick, handed_on, s.pairs);
   if (level == 0) {
     s.tiles.reset(Index3(1));
-    includeClosedCubes(samples, layout.brickCellBox(level, brick), spec_.brick_cells, s.tiles);
+    includeClosedCubes(samples, layout.brickCellBox(level, brick), spec_.brick_cells, s.tiles,
+                       spec_.has_missing);
     voxels = unionOf(s.tiles);
   }
   return voxels;

@@ -105,6 +105,7 @@ void addCell(const SampleBlock<T>& samples, const SampleBlock<T>& coarse, const 
           for (std::int64_t j = 0; j < 2; ++j)
             for (std::int64_t k = 0; k < 2; ++k) sum += corners[i & z][j & y][k & x];
         const float place = block.placeInRange(row[x]);
+        if (place != place) continue;  // no data
         block.add(place, std::abs(sum * 0.125f - place) * inverse);
       }
     }
@@ -124,7 +125,7 @@ void brickCurvature(const BrickLayout& layout, const Index3& brick, const Sample
   std::uint8_t* to = codes.data();
   forEachIndex({Index3(0), blocks}, [&](const Index3& at) {
     const ValueRange range = curvatureBlockRange(layout, brick, tiles, at);
-    if (range.min != range.max) {
+    if (range.min < range.max) {
       BlockSamples block(range, epsilon);
       const Index3 first = cells.first + edge * at;
       const Index3 end = glm::min(first + Index3(edge), cells.end());

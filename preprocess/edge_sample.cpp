@@ -116,9 +116,9 @@ void EdgeSample::addRow(const T* from, const T* to, std::int64_t first, std::int
     constexpr int kDropped = 8;  // the remaining bits are a float without rounding, and above 0
     const std::uint32_t random =
         (mixed(seed + static_cast<std::uint32_t>(first + x) * 0x9e3779b1u) >> kDropped) + 1;
-    // Nearly all end here, without a division.
+    // Nearly all end here, without a division; NaN too.
     constexpr float kRounding = 1.00001f;
-    if (static_cast<float>(random) > kRounding * greatest_kept_ * std::abs(a - b)) continue;
+    if (!(static_cast<float>(random) <= kRounding * greatest_kept_ * std::abs(a - b))) continue;
     const float priority = static_cast<float>(random) / differenceOf(a, b);
     if (priority > greatest_kept_) continue;
     edges_.push_back({priority, random, axis, std::min(a, b), std::max(a, b)});

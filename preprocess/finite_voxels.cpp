@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
@@ -30,17 +31,16 @@ bool areFinite(const float* voxels, std::int64_t count) {
 
 }  // namespace
 
-std::uint64_t makeFinite(float* voxels, const IndexBox& box, const IndexBox& counted,
-                         std::optional<float> nan_as, const VolumeInfo& info) {
-  std::uint64_t replaced = 0;
+void makeFinite(float* voxels, const IndexBox& box, const IndexBox& counted, const NotFinite& rule,
+                const VolumeInfo& info, NotFiniteCounts& counts) {
   for (std::int64_t i = 0; i < box.size(); ++i) {
     if (std::isfinite(voxels[i])) continue;
     const Index3 at = box.first + indexAt(i, box.count);
-    if (!nan_as) failNotFinite(voxels[i], at, info);
-    voxels[i] = *nan_as;
-    if (contains(counted, at)) ++replaced;
+    const bool is_missing = rule.masks_nan && std::isnan(voxels[i]);
+    if (!is_missing && !rule.nan_as) failNotFinite(voxels[i], at, info);
+    voxels[i] = is_missing ? std::numeric_limits<float>::quiet_NaN() : *rule.nan_as;
+    if (contains(counted, at)) ++(is_missing ? counts.missing : counts.replaced);
   }
-  return replaced;
 }
 
 void requireFinite(const SampleBlock<float>& voxels, const VolumeInfo& info) {

@@ -142,8 +142,12 @@ std::string jsonOfNumber(double number) { return nlohmann::json(number).dump(); 
 
 }  // namespace
 
+std::string noteOfMissing(std::uint64_t voxels) {
+  return std::to_string(voxels) + " voxels are NaN and have no data: surfaces are open beside them";
+}
+
 std::string provenanceText(const VolumeSource& source, const BuildOptions& options,
-                           const std::string& identity, std::uint64_t replaced_voxels) {
+                           const std::string& identity, const NotFiniteCounts& counts) {
   const VolumeInfo& info = source.info();
   nlohmann::json json = {{"tool", "isobrick " + options.tool_version},
                          {"source", info.source},
@@ -154,10 +158,11 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
   for (const std::string& note : source.notesOfReading()) json["notes"].push_back(note);
   if (!info.properties.empty()) json["properties"] = info.properties;
   // A file of a divided pyramid has a part of them.
-  if (replaced_voxels > 0)
+  if (counts.replaced > 0)
     json["notes"].push_back(
-        (options.super_cells > 0 ? std::string() : std::to_string(replaced_voxels) + " ") +
+        (options.super_cells > 0 ? std::string() : std::to_string(counts.replaced) + " ") +
         "voxels that were not finite became " + jsonOfNumber(static_cast<double>(*options.nan_as)));
+  if (counts.missing > 0) json["notes"].push_back(noteOfMissing(counts.missing));
   // A path need not be UTF-8; a provenance that cannot be written would lose the whole build.
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
@@ -182,6 +187,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("curvature", options.with_curvature ? jsonOfNumber(options.curvature_epsilon) : "none");
   line("error", "none");  // as in programs that could store bounds of errors
   line("nan_as", options.nan_as ? jsonOfNumber(static_cast<double>(*options.nan_as)) : "none");
+  if (options.mask_nan) line("mask_nan", "yes");
   if (options.super_cells > 0) line("super-brick", std::to_string(options.super_cells));
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));

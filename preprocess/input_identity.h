@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
@@ -46,9 +47,12 @@ class InputWatch {
   std::string identity_;
 };
 
+// The note about voxels without data.
+std::string noteOfMissing(std::uint64_t voxels);
+
 // JSON, valid UTF-8 whatever the names are. `identity` is that of the source and the options,
-// `replaced_voxels` how many became options.nan_as.
+// `counts`: of voxels that were not finite.
 std::string provenanceText(const VolumeSource& source, const BuildOptions& options,
-                           const std::string& identity, std::uint64_t replaced_voxels);
+                           const std::string& identity, const NotFiniteCounts& counts);
 
 }  // namespace isobrick

@@ -68,8 +68,9 @@ bool LevelMaker<T>::isResumed(int level, const Index3& brick) const {
 template <typename T>
 bool LevelMaker<T>::hasToBeRead(int level, const IndexBox& bricks) const {
   const IndexBox own = intersectionOf(bricks, region_.rows().bricks(level));
-  // What --nan-as replaces is counted, so all voxels are read.
-  const bool counts = level == 0 && std::is_same_v<T, float> && options_.nan_as.has_value();
+  // What --nan-as replaces and --mask-nan keeps is counted, so all voxels are read.
+  const bool counts =
+      level == 0 && std::is_same_v<T, float> && (options_.nan_as.has_value() || options_.mask_nan);
   return counts || own.size() < bricks.size() || !isResumed(level, own.end() - Index3(1));
 }
 

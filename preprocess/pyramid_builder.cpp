@@ -35,14 +35,14 @@ class Build : LevelInput<T> {
         options_(options),
         folder_(folderOf(path)),
         spec_(pyramidSpecOf(source.info(), options)),
-        nan_as_(storedNanAs(options, spec_.values)),
+        not_finite_{storedNanAs(options, spec_.values), options.mask_nan},
         file_(file),
         region_(spec_, file_),
         previews_(makePreviews(source.info(), options)),
         plan_(makePlan()),
         identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel, file_),
-        closures_(region_.layout(), region_.rows()),
+        closures_(region_.layout(), region_.rows(), spec_.has_missing),
         levels_(spec_, region_, plan_, options, folder_, writer_, closures_, statistics_, times_) {}
 
   BuildReport run() {
@@ -72,7 +72,7 @@ class Build : LevelInput<T> {
   static std::unique_ptr<PreviewMaker<T>> makePreviews(const VolumeInfo& info,
                                                        const BuildOptions& options) {
     constexpr std::uint64_t kLeastShare = 4;  // of the memory is for the build itself
-    if (options.preview.folder.empty() || options.super_cells > 0 ||
+    if (options.preview.folder.empty() || options.super_cells > 0 || options.mask_nan ||
         options.memory_bytes < kLeastShare * kPreviewBytes)
       return nullptr;
     const std::optional<PreviewGrid> grid = previewGridOf(info.voxels);
@@ -136,8 +136,7 @@ class Build : LevelInput<T> {
     // Before its bricks come to the journal: a brick of other content must never be resumed.
     input_.check();
     if constexpr (std::is_same_v<T, float>)
-      report_.replaced_voxels +=
-          makeFinite(reinterpret_cast<float*>(voxels), box, own, nan_as_, source_.info());
+      makeFinite(reinterpret_cast<float*>(voxels), box, own, not_finite_, source_.info(), counts_);
   }
   // The calling thread.
   void passedOn(const IndexBox& bricks, const HandedOn<T>& handed_on) override {
@@ -154,10 +153,16 @@ class Build : LevelInput<T> {
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
+    report_.replaced_voxels = counts_.replaced;
+    report_.missing_voxels = counts_.missing;
+    if (counts_.missing == static_cast<std::uint64_t>(elementCount(spec_.voxels)))
+      throw Error("'" + source_.info().source + "' has no voxel with data: all are NaN",
+                  {.path = source_.info().source});
     PyramidWriter::Summary summary;
+    summary.missing_voxels = counts_.missing;
     summary.voxel_range = levels_.voxelRange();
     summary.brick_ranges = closures_.all();
-    summary.provenance_json = provenanceText(source_, options_, identity_, report_.replaced_voxels);
+    summary.provenance_json = provenanceText(source_, options_, identity_, counts_);
     if (file_) {
       summary.division = handOverOf({options_.codec, summary.voxel_range}, *passed_on, statistics_);
     } else {
@@ -174,7 +179,7 @@ class Build : LevelInput<T> {
   const BuildOptions& options_;
   std::string folder_;  // of the output
   const PyramidSpec spec_;
-  const std::optional<float> nan_as_;      // of the options, as it is stored
+  const NotFinite not_finite_;             // with values as they are stored
   const std::optional<DividedFile> file_;  // of a divided pyramid
   const BuildRegion region_;
   std::unique_ptr<PreviewMaker<T>> previews_;  // null: none are made
@@ -186,6 +191,7 @@ class Build : LevelInput<T> {
   VoxelStatistics statistics_;
   LevelMaker<T> levels_;
   std::unique_ptr<SliceSpool> spool_;  // of a source that is read in order
+  NotFiniteCounts counts_;
   BuildReport report_;
 };
 
@@ -203,6 +209,11 @@ void refuseInputAsTemporary(const VolumeSource& source, const std::string& path)
 void checkOptions(const BuildOptions& options) {
   if (options.nan_as.has_value() && !std::isfinite(*options.nan_as))
     throw Error("the value that replaces NaN and infinite voxels must itself be finite");
+  if (options.mask_nan && options.super_cells > 0)
+    throw Error(
+        "voxels without data are kept by pyramids of one file alone; build one, or put a value "
+        "there",
+        {}, {Remedy::kReplaceNotFinite});
   const auto isPowerOfTwo = [](std::int64_t n) {
     return n > 0 && std::has_single_bit(static_cast<std::uint64_t>(n));
   };
@@ -253,6 +264,7 @@ PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options) {
   spec.tile_cells = options.tile_cells;
   spec.has_curvature = options.with_curvature;
   spec.curvature_epsilon = options.curvature_epsilon;
+  spec.has_missing = options.mask_nan && info.voxel_type == VoxelType::kFloat32;
   return spec;
 }
 

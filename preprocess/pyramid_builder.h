@@ -58,6 +58,9 @@ struct BuildOptions {
   double curvature_epsilon = 1.0 / 64;
   // Value that takes the place of NaN and infinite voxels; without it they are refused.
   std::optional<float> nan_as;
+  // NaN voxels stay: they have no data, and cells that touch one no surface. Then `nan_as` is for
+  // infinite ones alone. Not of a divided pyramid.
+  bool mask_nan = false;
   std::string tool_version;  // goes into the provenance; does not change the identity
 
   // For a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a
@@ -94,6 +97,7 @@ struct BuildReport {
   std::uint64_t bricks = 0;           // of all levels
   std::uint64_t bricks_resumed = 0;   // taken over from an earlier build
   std::uint64_t replaced_voxels = 0;  // by nan_as
+  std::uint64_t missing_voxels = 0;   // without data: BuildOptions::mask_nan
 };
 
 // Reads `source` to its end and writes a pyramid to `path`, which appears only when it is complete

@@ -94,6 +94,7 @@ void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
         const T* const at = row + (x - own.first.x);
         const auto a = static_cast<float>(at[-1]), b = static_cast<float>(at[0]),
                    c = static_cast<float>(at[1]);
+        if (a != a || b != b || c != c) continue;  // no data
         if (a != b || b != c) ++counts.magnitudes[magnitudeKey(std::abs((a - b) - (b - c)))];
       }
     }

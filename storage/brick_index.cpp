@@ -308,13 +308,15 @@ void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
   for (const PartKind kind : kPartKinds)
     if (!isPossiblePart(row, spec_, layout_, kind, level, brick))
       fail(number, "has an impossible entry");
-  if (!(row.range_min <= row.range_max) || !std::isfinite(row.range_min) ||
-      !std::isfinite(row.range_max))
+  const bool is_empty = spec_.has_missing && row.range_min == std::numeric_limits<float>::max() &&
+                        row.range_max == std::numeric_limits<float>::lowest();
+  if (!is_empty && (!(row.range_min <= row.range_max) || !std::isfinite(row.range_min) ||
+                    !std::isfinite(row.range_max)))
     fail(number, "has an impossible range");
   const bool is_used =
       row.part(PartKind::kSamples).codec == static_cast<std::uint32_t>(format::Codec::kConstant);
-  if (!isPossibleConstant(row.constant, spec_.voxel_type) ||
-      (is_used && !(row.constant >= row.range_min && row.constant <= row.range_max)))
+  if (!isPossibleConstant(row.constant, spec_) ||
+      (is_used && (row.constant < row.range_min || row.constant > row.range_max)))
     fail(number, "has an impossible constant");
 }
 

@@ -1,5 +1,6 @@
 #include "isobrick/storage/brick_parts.h"
 
+#include <cmath>
 #include <limits>
 
 #include "isobrick/storage/brick_encoder.h"
@@ -57,8 +58,9 @@ bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLay
   return false;
 }
 
-bool isPossibleConstant(float constant, VoxelType type) {
-  return visitVoxelType(type, [&](auto tag) {
+bool isPossibleConstant(float constant, const PyramidSpec& spec) {
+  if (std::isnan(constant)) return spec.has_missing;
+  return visitVoxelType(spec.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     return constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
            constant <= static_cast<float>(std::numeric_limits<T>::max());
@@ -69,7 +71,7 @@ bool isPossibleRow(const BrickRow& row, const PyramidSpec& spec, const BrickLayo
                    int level, const Index3& brick) {
   for (const PartKind kind : kPartKinds)
     if (!isPossiblePart(row, spec, layout, kind, level, brick)) return false;
-  return isPossibleConstant(row.constant, spec.voxel_type);
+  return isPossibleConstant(row.constant, spec);
 }
 
 }  // namespace isobrick

@@ -50,6 +50,6 @@ bool isPossibleRow(const BrickRow& row, const PyramidSpec& spec, const BrickLayo
 // isPossibleRow() for one part, and for the constant alone.
 bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                     PartKind kind, int level, const Index3& brick);
-bool isPossibleConstant(float constant, VoxelType type);
+bool isPossibleConstant(float constant, const PyramidSpec& spec);
 
 }  // namespace isobrick

@@ -25,7 +25,8 @@ namespace isobrick::format {
 static_assert(std::endian::native == std::endian::little, "isobrick needs a little-endian host");
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
-// The least version that holds a file is written: 3, and 4 if values are transformed.
+// The least version that holds a file is written: 3, and 4 if values are transformed, or if some
+// voxels have no data.
 inline constexpr std::uint32_t kVersion = 3;
 inline constexpr std::uint32_t kVersionOfTransforms = 4;
 // Numbers of version 4 that no program writes yet: voxels that are labels, u64; a codec.
@@ -91,7 +92,8 @@ struct Header {
                        // a Range for every brick of level super_levels - 1
   double value_scale;  // of ValueTransform; both zero in version 3, which has none
   double value_offset;
-  std::uint8_t reserved[56];      // zero
+  std::uint64_t missing_voxels;   // of version 4: NaN voxels of level 0, which have no data
+  std::uint8_t reserved[48];      // zero
   std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);

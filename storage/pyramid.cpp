@@ -31,6 +31,7 @@ Pyramid::~Pyramid() = default;
 
 const std::string& Pyramid::path() const { return tables_->path(); }
 const std::string& Pyramid::provenance() const { return tables_->provenance(); }
+std::uint64_t Pyramid::missingVoxels() const { return tables_->missingVoxels(); }
 double Pyramid::noise() const { return tables_->header().noise; }
 VoxelHistogram Pyramid::histogram() const { return tables_->histogram(); }
 std::uint64_t Pyramid::fileBytes() const { return tables_->fileBytes(); }

@@ -113,6 +113,8 @@ class Pyramid {
   const Lattice& lattice() const { return layout_.lattice(); }
   // Least and greatest voxel of level 0, as they are stored.
   const ValueRange& valueRange() const { return value_range_; }
+  // Voxels without data, which are NaN: cells that touch one have no surface.
+  std::uint64_t missingVoxels() const;
   // The same in the values of the input.
   RealRange realRange() const {
     return {spec_.values.real(static_cast<double>(value_range_.min)),

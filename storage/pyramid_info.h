@@ -51,6 +51,9 @@ struct PyramidSpec {
   // Samples with |gradient| < curvature_epsilon * (range of their block) per voxel do not count for
   // the curvature bound: an isosurface is nowhere in particular if the gradient vanishes.
   double curvature_epsilon = 1.0 / 64;
+  // Samples of float32 may be NaN: voxels without data, which no range takes in. A sample is NaN on
+  // every level on which its voxel has a place, and nowhere else.
+  bool has_missing = false;
 
   // How levels are cut into bricks.
   BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }

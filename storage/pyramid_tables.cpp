@@ -53,6 +53,14 @@ bool areValuesSane(const format::Header& header) {
   return header.noise >= 0 && header.noise <= 2 * (header.value_max - header.value_min);
 }
 
+// Some voxels have no data, and not all.
+bool isMissingSane(const format::Header& header) {
+  std::uint64_t voxels = 1;
+  for (const std::uint64_t n : header.dims) voxels *= n;  // at most 2^60
+  return header.voxel_type == static_cast<std::uint32_t>(VoxelType::kFloat32) &&
+         header.missing_voxels < voxels && header.super_cells == 0;
+}
+
 bool hasKind(const format::Header& header, PartKind kind) {
   const auto* const end = header.kinds + header.kind_count;
   return std::find(header.kinds, end, kindNumber(kind)) != end;
@@ -140,13 +148,16 @@ void PyramidTables::readHeader() {
   const bool has_transform = header.version == format::kVersionOfTransforms;
   if (has_transform && header.voxel_type == format::kLabelVoxels)
     fail("holds labels, which this program does not read; use the program that wrote it");
-  if (has_transform) spec_.values = {header.value_scale, header.value_offset};
-  const bool sane = spec_.values.isSane() && header.voxel_type < kVoxelTypeCount &&
-                    header.filter <= 1 && areKindsSane(header) &&
-                    isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
-                    isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
-                    areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
-                    header.curvature_epsilon >= 0 && isStoredGridSane(header);
+  if (has_transform) {
+    spec_.values = {header.value_scale, header.value_offset};
+    spec_.has_missing = header.missing_voxels > 0;
+  }
+  const bool sane =
+      spec_.values.isSane() && header.voxel_type < kVoxelTypeCount && header.filter <= 1 &&
+      areKindsSane(header) && isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
+      isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) && areValuesSane(header) &&
+      std::isfinite(header.curvature_epsilon) && header.curvature_epsilon >= 0 &&
+      isStoredGridSane(header) && (!spec_.has_missing || isMissingSane(header));
   if (!sane) fail("has impossible numbers in its header; build it again");
 
   readGrid(header, spec_.voxels, spec_.geometry);
@@ -278,7 +289,7 @@ VoxelHistogram PyramidTables::histogram() const {
     stored = readTable(part.offset, part.stored_bytes, part.checksum, "histogram");
   bool is_sound =
       decodePart(static_cast<format::Codec>(part.codec), stored, counts.size(), counts.data());
-  auto left = static_cast<std::uint64_t>(elementCount(spec_.voxels));
+  std::uint64_t left = static_cast<std::uint64_t>(elementCount(spec_.voxels)) - missingVoxels();
   for (const std::uint64_t count : histogram.counts()) {
     is_sound = is_sound && count <= left;
     left -= is_sound ? count : 0;

@@ -44,6 +44,8 @@ class PyramidTables {
   const BrickLayout& layout() const { return layout_; }
   const Lattice& lattice() const { return layout_.lattice(); }
   const ValueRange& valueRange() const { return value_range_; }
+  // Voxels without data.
+  std::uint64_t missingVoxels() const { return spec_.has_missing ? header_.missing_voxels : 0; }
   const std::string& provenance() const { return provenance_; }
   // The rows of the brick table, of a divided pyramid of those of all its files. None if level 0
   // lies elsewhere.

@@ -97,7 +97,8 @@ void verifyReservedFields(const PyramidTables& tables, std::vector<std::string>&
   if (isAnySet(std::begin(header.reserved), std::end(header.reserved)) ||
       isAnySet(std::begin(header.reserved_between), std::end(header.reserved_between)))
     faults.emplace_back("reserved bytes of the header are not zero");
-  if (header.version == format::kVersion && (header.value_scale != 0 || header.value_offset != 0))
+  if (header.version == format::kVersion &&
+      (header.value_scale != 0 || header.value_offset != 0 || header.missing_voxels != 0))
     faults.emplace_back("the header has a transform of values, which its version has not");
   if (!tables.hasErrorKind() &&
       isAnySet(std::begin(header.error_bins), std::end(header.error_bins)))

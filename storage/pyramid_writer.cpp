@@ -24,15 +24,16 @@ namespace {
 
 std::string journalPath(const AtomicFile& file) { return file.temporaryPath() + ".journal"; }
 
-// The fields that are known before the first brick.
-format::Header formatHeaderOf(const PyramidSpec& spec) {
+// The fields that need no brick.
+format::Header formatHeaderOf(const PyramidSpec& spec, std::uint64_t missing_voxels) {
   format::Header header = {};
   std::memcpy(header.magic, format::kMagic, sizeof header.magic);
   header.version = format::kVersion;
-  if (!spec.values.isIdentity()) {
+  if (!spec.values.isIdentity() || missing_voxels > 0) {
     header.version = format::kVersionOfTransforms;
     header.value_scale = spec.values.scale;
     header.value_offset = spec.values.offset;
+    header.missing_voxels = missing_voxels;
   }
   header.header_bytes = sizeof header;
   header.voxel_type = static_cast<std::uint32_t>(spec.voxel_type);
@@ -354,7 +355,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
     brick_table_[row].range_min = summary.brick_ranges[row].min;
     brick_table_[row].range_max = summary.brick_ranges[row].max;
   }
-  format::Header header = formatHeaderOf(spec_);
+  format::Header header = formatHeaderOf(spec_, summary.missing_voxels);
   for (const PartKind kind : kinds()) header.kinds[header.kind_count++] = kindNumber(kind);
   header.value_min = static_cast<double>(summary.voxel_range.min);
   header.value_max = static_cast<double>(summary.voxel_range.max);

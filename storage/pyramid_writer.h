@@ -77,6 +77,7 @@ class PyramidWriter {
     std::string provenance_json;
     std::optional<GradientSpectrum> gradients = {};
     std::vector<std::byte> division = {};  // of a file of a divided pyramid: see format::Header
+    std::uint64_t missing_voxels = 0;      // only if the spec has them
   };
   // Appends numbers to the file, for Summary::division to name their place. Every brick was written
   // before.

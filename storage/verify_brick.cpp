@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -45,13 +46,14 @@ class BrickVerifier {
     std::vector<std::uint8_t> codes;
     if (level == 0) pyramid_.curvature(brick, codes);
     if (hasStrayFields(level, brick)) return "a field that nothing uses is not zero";
-    if (!areFinite(samples)) return "a sample is not a finite number";
+    if (!arePossible(samples)) return "a sample is not a finite number";
     std::vector<ValueRange>& seen = values.seen;
     seen.assign(ranges.size(), {});
     includeSamples(level, brick, samples, seen);
     const ValueRange stated = pyramid_.brickRange(level, brick);
     for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
-      if (!(ranges[tile].min <= ranges[tile].max)) return "a tile's range is reversed";
+      if (!(ranges[tile].min <= ranges[tile].max) && !isNoRange(ranges[tile]))
+        return "a tile's range is reversed";
       if (!covers(stated, ranges[tile])) return "a tile's range exceeds the brick's";
       if (!covers(stated, seen[tile])) return "a sample lies outside the brick's range";
       if (!covers(ranges[tile], seen[tile])) return "a sample lies outside its tile's range";
@@ -165,8 +167,14 @@ class BrickVerifier {
     }
   }
 
+  // Of values, a few of which may be: no range has the values of voxels without data.
   static bool covers(const ValueRange& outer, const ValueRange& inner) {
-    return outer.min <= inner.min && outer.max >= inner.max;
+    return inner.min > inner.max || (outer.min <= inner.min && outer.max >= inner.max);
+  }
+  // Where no voxel has data.
+  bool isNoRange(const ValueRange& range) const {
+    return pyramid_.tables().spec().has_missing && range.min == std::numeric_limits<float>::max() &&
+           range.max == std::numeric_limits<float>::lowest();
   }
   IndexBox childrenOf(int level, const Index3& brick) const {
     const Index3 first = 2L * brick;
@@ -190,14 +198,17 @@ class BrickVerifier {
     visitVoxelType(pyramid_.tables().spec().voxel_type,
                    [&](auto tag) { f(samples.data<typename decltype(tag)::Type>()); });
   }
-  bool areFinite(const BrickSamples& samples) const {
+  bool arePossible(const BrickSamples& samples) const {
     if (pyramid_.tables().spec().voxel_type != VoxelType::kFloat32) return true;
-    bool finite = true;
+    bool all = true;
+    const bool may_be_missing = pyramid_.tables().spec().has_missing;
     visitSamples(samples, [&](const auto* data) {
-      for (std::int64_t i = 0; i < samples.box.size(); ++i)
-        finite = finite && std::isfinite(static_cast<float>(data[i]));
+      for (std::int64_t i = 0; i < samples.box.size(); ++i) {
+        const auto value = static_cast<float>(data[i]);
+        all = all && (std::isfinite(value) || (may_be_missing && std::isnan(value)));
+      }
     });
-    return finite;
+    return all;
   }
   // Over the corners of `cells`, which the brick of `samples` holds.
   ValueRange rangeOfSamples(const BrickSamples& samples, const IndexBox& cells) const {
@@ -267,7 +278,7 @@ class BrickVerifier {
       if (codes[i] == 0) continue;
       const Index3 block = indexAt(i / kDeviationCoefficients, blocks);
       const ValueRange range = curvatureBlockRange(layout_, brick, ranges, block);
-      if (range.min == range.max) return true;
+      if (!(range.min < range.max)) return true;
     }
     return false;
   }

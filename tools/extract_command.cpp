@@ -49,8 +49,6 @@ MeshShift parseShift(const std::string& text) {
   return text == "auto" ? MeshShift() : MeshShift{parsePoint(text)};
 }
 
-bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
-
 ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
                          Extractor& extractor, const PyramidValues* values,
                          const std::string& output) {
@@ -121,7 +119,7 @@ bool needsNoPyramid(const ExtractArguments& arguments) {
   const bool is_known = std::all_of(query.isovalues.begin(), query.isovalues.end(),
                                     [](const auto& isovalue) { return isovalue.has_value(); });
   return isVolume(query.input.path) && query.input.cache_folder.empty() && is_known &&
-         isFinest(query.choice) && query.or_finer.empty() && !arguments.most_triangles &&
+         !masksNan(query.input) && isFinest(query.choice) && query.or_finer.empty() && !arguments.most_triangles &&
          !arguments.part && arguments.repeat == 1 && !isShareName(arguments.output);
 }
 

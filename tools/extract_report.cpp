@@ -53,6 +53,7 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
     json["components_kept"] = std::ranges::count(result.is_kept, 1);
     if (!result.ranked_by.empty()) json["ranked_by"] = result.ranked_by;
   }
+  if (result.missing_voxels > 0) json["missing_voxels"] = result.missing_voxels;
   json["triangles"] = report.triangles;
   json["vertices"] = result.vertices;
   json["seconds"] = {{"extract", result.extract_seconds}, {"write", result.write_seconds}};
@@ -85,6 +86,9 @@ void printSummary(const ExtractResult& result, LengthUnit unit) {
   if (result.simplify)
     fmt::print("  within {} of {}\n", distanceText(*result.simplify, unit),
                result.is_finest ? "the finest surface" : "this surface without --simplify");
+  if (result.missing_voxels > 0)
+    fmt::print("  open beside voxels without data, of which the volume has {}\n",
+               countText(result.missing_voxels));
   if (result.shift != glm::dvec3(0.0))
     fmt::print("  shifted by {},{},{}\n", result.shift.x, result.shift.y, result.shift.z);
   for (const LevelCounts& counts : report.levels)

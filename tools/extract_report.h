@@ -31,6 +31,7 @@ struct ExtractResult {
   std::string ranked_by;              // of --keep-largest: "volume" or "area"
   double components_seconds = 0;      // to find them
   ExtractionReport report;            // of the last repeat
+  std::uint64_t missing_voxels = 0;   // of the pyramid: without data
   std::uint64_t vertices = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
   std::uint64_t vertices_outside = 0;   // of the other pyramid

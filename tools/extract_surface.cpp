@@ -96,6 +96,7 @@ ExtractedSurface::ExtractedSurface(const ExtractArguments& arguments, const Pyra
   }
   result_.output = std::move(output);
   result_.isovalue = isovalue_;
+  result_.missing_voxels = pyramid.missingVoxels();
   if (arguments.shift) result_.shift = arguments.shift->by.value_or(shiftToOrigin(pyramid));
   outside_before_ = values != nullptr ? values->outside() : 0;
 }
@@ -121,7 +122,7 @@ void ExtractedSurface::endComponents() {
   const SurfaceComponents& all = *result_.components;
   if (arguments_.keep_largest) {
     result_.is_kept = all.largest(*arguments_.keep_largest, arguments_.drop_below.value_or(0));
-    result_.ranked_by = query_.box ? "area" : "volume";
+    result_.ranked_by = query_.box || result_.missing_voxels > 0 ? "area" : "volume";
   } else {
     result_.is_kept.assign(all.list().size(), 0);
     std::fill_n(result_.is_kept.begin(), all.countFrom(arguments_.drop_below.value_or(0)),

@@ -20,8 +20,11 @@ Texts advicesOf(Remedy remedy) {
     case Remedy::kPack:
       return {"pack it with --codec", "write less"};
     case Remedy::kReplaceNotFinite:
-      return {"give the value to put there with --nan-as V",
-              "'isobrick build' puts a value there with --nan-as V"};
+      return {
+          "give the value to put there with --nan-as V, or leave out the cells beside NaN with "
+          "--mask-nan",
+          "leave out the cells beside NaN with --mask-nan",
+          "'isobrick build' puts a value there with --nan-as V"};
     case Remedy::kResume:
       return {"go on with --resume, or delete it", "delete it"};
     case Remedy::kBeginAnew:

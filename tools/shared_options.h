@@ -51,6 +51,10 @@ CLI::Option* addSelectOption(CLI::App& app, Select select) {
       "0, or magnitude, the root of the sum of all squares); may be given again");
 }
 
+inline constexpr char kMaskNanHelp[] =
+    "Voxels that are NaN have no data: cells that touch one are left out, and surfaces are open "
+    "there";
+
 template <typename Level>
 CLI::Option* addLevelOption(CLI::App& app, Level& level, int coarsest) {
   return addParsedOption(app, "--level", level, integerWithin(0, coarsest), "L",

@@ -55,7 +55,7 @@ constexpr VolumeWord kVolumeWords[] = {
 bool namesVolumeWordsOnly(const std::string& text) {
   const std::vector<std::string> options = optionsNamedIn(text);
   return std::all_of(options.begin(), options.end(), [](const std::string& option) {
-    return option == "--select" || option == "--cache-folder" ||
+    return option == "--select" || option == "--mask-nan" || option == "--cache-folder" ||
            std::any_of(std::begin(kVolumeWords), std::end(kVolumeWords),
                        [&](const VolumeWord& word) { return option == word.option; });
   });
@@ -140,6 +140,9 @@ void addVolumeOptions(CLI::App& app, VolumeInput& input) {
   addSelectOption(app, [&input](const std::string& word) {
     input.selections.push_back("--select=" + word);
   })->group(kVolumeGroup);
+  app.add_flag_callback(
+         "--mask-nan", [&input] { input.selections.emplace_back("--mask-nan"); }, kMaskNanHelp)
+      ->group(kVolumeGroup);
   for (const VolumeWord& word : kVolumeWords)
     app.add_option(word.option, input.words[word.option], word.description)
         ->type_name(word.type)

@@ -22,7 +22,7 @@ struct VolumeInput {
   std::string path;                          // as the user named it
   std::string pyramid;                       // the file to open, after findPyramid()
   std::map<std::string, std::string> words;  // how to read a volume, by option of `isobrick build`
-  std::vector<std::string> selections;       // the same of --select, a word each
+  std::vector<std::string> selections;       // the same of --select and --mask-nan, a word each
   std::string cache_folder;                  // empty: the default one
   std::uint64_t cache_bytes = 0;             // of remote parts in that folder; 0: none stay
 };
@@ -41,6 +41,12 @@ auto optionsBeside(App& app, std::initializer_list<const char*> names) {
            std::none_of(names.begin(), names.end(),
                         [&](const char* name) { return option->check_name(name); });
   });
+}
+
+// True if --mask-nan was given.
+inline bool masksNan(const VolumeInput& input) {
+  return std::find(input.selections.begin(), input.selections.end(), "--mask-nan") !=
+         input.selections.end();
 }
 
 // FILE.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/marching_cubes_table.h"
@@ -42,11 +43,13 @@ class AdaptiveMesher::Brick {
     corners_.reset(lattice_, split_, cells_, rows);
     if (!kernels.template compare<T>(context_, work_, family_.ownSamples())) return;
     corners_.resolve(lattice_, context_.isovalue, split_, family_, rows);
+    if (context_.pyramid.spec().has_missing) leaveOutMissing(rows);
     kernels.number();
     batch_.cells += rows.crossed_cell_count;
     takeFans(rows);
     context_.checkCancel();
     kernels.template make<T>(context_, work_, family_.ownSamples(), batch_);
+    if (context_.pyramid.spec().has_missing) mendNormals(rows);
     SharedVertices(rows, lattice_, level_, cells_, batch_)
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {
           makeZoneVertex(vertex, axis, at);
@@ -58,6 +61,58 @@ class AdaptiveMesher::Brick {
   }
 
  private:
+  // The crossed cells that touch a voxel without data are not wanted: those of which a sample at a
+  // corner is one, or a corner's value by rule 6 comes from one. Whether a sample is one depends on
+  // its voxel alone and not on the level. So a cell beside a transition that stays has numbers on
+  // all of its faces, and each cell decides for itself: its neighbours are open there.
+  void leaveOutMissing(BrickRows& rows) {
+    const SampleView<T>& own = family_.own();
+    const auto isMissing = [&](const Index3& at, bool in_zone) {
+      const Index3 sample = cells_.first + at;
+      if (own.isMissing(*own.at(own.offset(sample)))) return true;
+      if (!in_zone) return false;
+      const auto [finer, coarser] = corners_.touching(at);
+      return coarser && !finer && std::isnan(ownValueOnCoarserLeaf(lattice_, level_, sample, own));
+    };
+    for (std::int64_t k = 0; k < cells_.count.z; ++k)
+      for (std::int64_t j = 0; j < cells_.count.y; ++j)
+        for (std::int64_t word = 0; word < rows.words_per_row; ++word) {
+          std::uint64_t& wanted = rows.wantedCells(j, k)[word];
+          if (wanted == 0) continue;
+          const std::uint64_t zone = split_.zone(j, k)[word];
+          std::uint64_t crossed = CellWords(rows, rows.row(j, k), word).crossedCells(wanted);
+          for (; crossed != 0; crossed &= crossed - 1) {
+            const int bit = std::countr_zero(crossed);
+            bool is_missing = false;
+            for (int c = 0; c < 8 && !is_missing; ++c)
+              is_missing =
+                  isMissing(Index3(64 * word + bit, j, k) + Index3(c & 1, c >> 1 & 1, c >> 2),
+                            (zone >> bit & 1) != 0);
+            if (is_missing) wanted &= ~(std::uint64_t{1} << bit);
+          }
+        }
+  }
+
+  // Gradients beside voxels without data are one-sided, which the kernels do not know.
+  void mendNormals(const BrickRows& rows) {
+    const SampleView<T>& own = family_.own();
+    for (int axis = 0; axis < 3; ++axis)
+      for (const std::uint32_t r : rows.crossed_rows[static_cast<std::size_t>(axis)].list()) {
+        Index3 at(0, r % rows.rowsPerSlice(), r / rows.rowsPerSlice());
+        for (; at.x < cells_.count.x + (axis == 0 ? 0 : 1); ++at.x) {
+          const std::uint32_t vertex = memory_.cells_.vertexOn(axis, at);
+          if (vertex == kNoVertex) continue;
+          const Index3 low = cells_.first + at;
+          Index3 high = low;
+          ++high[axis];
+          if (!own.isBesideMissing(low) && !own.isBesideMissing(high)) continue;
+          vertices_.put(vertex, axis, level_, low, high, false);
+          own.end(low, vertices_.low());
+          own.end(high, vertices_.high());
+        }
+      }
+  }
+
   // Lists the cells that are fans: those crossed in a face beside finer leaves. The others keep
   // their triangles.
   void takeFans(BrickRows& rows) {
@@ -66,7 +121,7 @@ class AdaptiveMesher::Brick {
     for (const auto& [j, k] : split_.zoneRows()) {
       const std::int64_t r = rows.row(j, k);
       for (std::int64_t word = 0; word < rows.words_per_row; ++word) {
-        const std::uint64_t zone = split_.zone(j, k)[word];
+        const std::uint64_t zone = split_.zone(j, k)[word] & rows.wanted(r)[word];
         if (zone == 0) continue;
         std::array<std::uint64_t, 6> finer = leaves_.besideFiner(j, k, word);
         if (((finer[0] | finer[1] | finer[2] | finer[3] | finer[4] | finer[5]) & zone) == 0)

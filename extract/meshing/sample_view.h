@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <type_traits>
 
 #include "isobrick/extract/kernels/edge_crossings.h"
 #include "isobrick/storage/brick_layout.h"
@@ -43,10 +45,36 @@ class SampleView {
           i > 0 && i < regular_end_[axis]
               ? (static_cast<float>(at[step]) - static_cast<float>(at[-step])) * inverse_
               : borderDifference(at, axis, i);
+      if constexpr (std::is_floating_point_v<T>)
+        if (std::isnan((&out.gradient.x)[axis]))
+          (&out.gradient.x)[axis] = differenceBesideMissing(at, axis, i);
     }
   }
+  // True if a neighbour of the sample, from which its gradient comes, has no data.
+  bool isBesideMissing(const Index3& sample) const {
+    const Index3 local = sample - box_.first;
+    const T* at = data_ + linearIndex(local, box_.count);
+    for (int axis = 0; axis < 3; ++axis)
+      if ((local[axis] > 0 && isMissing(at[-stride_[axis]])) ||
+          (local[axis] + 1 < box_.count[axis] && isMissing(at[stride_[axis]])))
+        return true;
+    return false;
+  }
+  static bool isMissing(T value) { return std::isnan(static_cast<float>(value)); }
 
  private:
+  // One-sided, as at the border of the volume; 0 if neither neighbour has data.
+  float differenceBesideMissing(const T* at, int axis, std::int64_t i) const {
+    for (const std::int64_t step : {-1, 1}) {
+      if (i + step < 0 || i + step >= box_.count[axis]) continue;
+      const float change = static_cast<float>(at[step * stride_[axis]]) - static_cast<float>(*at);
+      if (std::isnan(change)) continue;
+      return change /
+             static_cast<float>(lattice_->position(level_, axis, box_.first[axis] + i + step) -
+                                lattice_->position(level_, axis, box_.first[axis] + i));
+    }
+    return 0;
+  }
   // At the border of the volume the difference is one-sided, or over a thin cell. Elsewhere a
   // brick's own corners always have both neighbours in the apron; no gradient is taken in the apron
   // itself.

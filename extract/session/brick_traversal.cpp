@@ -77,9 +77,10 @@ class Traversal {
                  [&](const Index3& child) { visit(level - 1, child); });
   }
 
-  // True if all cells of the brick and all that touch it are leaves of `level`, and are wanted.
+  // True if all cells of the brick and all that touch it are leaves of `level`, and are wanted;
+  // cells beside a voxel without data are not.
   bool isUniform(int level, const IndexBox& cells) const {
-    return classifier_.areAllLeaves(level, cells) &&
+    return classifier_.areAllLeaves(level, cells) && !context_.pyramid.spec().has_missing &&
            (!context_.query.box || liesInQueryBox(level, cells));
   }
 

@@ -162,11 +162,12 @@ struct ComponentFinder::Joined {
 };
 
 ComponentFinder::ComponentFinder(const Query& query, ComponentPoints points)
-    : has_box_(query.box.has_value()), points_(std::move(points)) {}
+    : is_cut_(query.box.has_value()), points_(std::move(points)) {}
 ComponentFinder::~ComponentFinder() = default;
 
 void ComponentFinder::begin(const MeshFrame& frame) {
   frame_ = frame;
+  is_cut_ = is_cut_ || frame.has_missing;
   // Volumes far from the origin would lose digits; any point does.
   GridGeometry geometry = frame.geometry;
   geometry.origin = glm::dvec3(0.0);
@@ -275,8 +276,8 @@ void ComponentFinder::finish() {
     SurfaceComponent listed;
     listed.triangles = sum.triangles;
     listed.area = sum.area;
-    if (!sum.has_border && !has_box_) listed.volume = sum.volume;
-    if (!has_box_) listed.enclosed = sum.has_border ? sum.capped.volume(last) * voxel : sum.volume;
+    if (!sum.has_border && !is_cut_) listed.volume = sum.volume;
+    if (!is_cut_) listed.enclosed = sum.has_border ? sum.capped.volume(last) * voxel : sum.volume;
     listed.lower = sum.lower + frame_.geometry.origin;
     listed.upper = sum.upper + frame_.geometry.origin;
     listed.center = (sum.area > 0 ? sum.moment / sum.area : sum.point) + frame_.geometry.origin;

@@ -97,8 +97,9 @@ struct MeshBatch {
 
 // Facts of the volume that a sink may need before the first batch.
 struct MeshFrame {
-  GridGeometry geometry;  // of the volume
-  Index3 voxels{0};       // of level 0
+  GridGeometry geometry;     // of the volume
+  Index3 voxels{0};          // of level 0
+  bool has_missing = false;  // voxels without data, beside which the surface is open
 
   // Greatest magnitude of a world coordinate divided by the least voxel spacing: above 2048, single
   // precision no longer separates crossings that are 1/4096 of an edge apart (rule 8).

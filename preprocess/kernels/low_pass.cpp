@@ -6,9 +6,11 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <array>
 #include <type_traits>
 #include <vector>
 
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/voxel_type.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -212,16 +214,51 @@ IndexBox lowPassSupport(const Lattice& lattice, int level, format::Filter filter
 
 HWY_EXPORT(lowPassOfType);
 
+namespace {
+
+// One coarse sample, beside a NaN. An axis that is not filtered counts four times.
+float lowPassBesideMissing(const SampleBlock<float>& fine, const std::array<LowPassTap, 3>& taps) {
+  const auto filtered = [](const LowPassTap& tap, auto&& at) {
+    const double middle = at(tap.center);
+    if (!tap.filtered) return middle;
+    const double sum = (at(tap.center - 1) + 2 * middle) + at(tap.center + 1);
+    return sum != sum ? 4 * middle : sum;
+  };
+  const auto& [x, y, z] = taps;
+  const double sum = filtered(x, [&](std::int64_t i) {
+    return filtered(y, [&](std::int64_t j) {
+      return filtered(z, [&](std::int64_t k) { return static_cast<double>(fine.at({i, j, k})); });
+    });
+  });
+  int shift = 0;
+  for (const LowPassTap& tap : taps) shift += tap.filtered ? 2 : 0;
+  return static_cast<float>(sum / (1 << shift));
+}
+
+}  // namespace
+
 template <typename T>
 void lowPassBlock(const Lattice& lattice, int level, format::Filter filter,
-                  const SampleBlock<T>& fine, const IndexBox& coarse, T* out) {
+                  const SampleBlock<T>& fine, const IndexBox& coarse, T* out, bool has_missing) {
   HWY_DYNAMIC_DISPATCH(lowPassOfType)
   (voxelTypeOf<T>(), lattice, level, filter, &fine, coarse, out);
+  if constexpr (std::is_same_v<T, float>) {
+    if (!has_missing) return;
+    forEachIndex(coarse, [&](const Index3& at) {
+      float& sample = *out++;
+      if (sample == sample) return;
+      std::array<LowPassTap, 3> taps;
+      for (int axis = 0; axis < 3; ++axis)
+        taps[static_cast<std::size_t>(axis)] = lowPassTap(lattice, level, filter, axis, at[axis]);
+      const float center = fine.at({taps[0].center, taps[1].center, taps[2].center});
+      sample = center == center ? lowPassBesideMissing(fine, taps) : center;
+    });
+  }
 }
 
 #define ISOBRICK_INSTANTIATE(T)                                                             \
   template void lowPassBlock<T>(const Lattice&, int, format::Filter, const SampleBlock<T>&, \
-                                const IndexBox&, T*);
+                                const IndexBox&, T*, bool);
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 

@@ -31,8 +31,11 @@ IndexBox lowPassSupport(const Lattice& lattice, int level, format::Filter filter
 // halves up; float voxels are summed in double (a + 2b + c, along z, then y, then x) and rounded
 // once. So the result does not depend on how a level is cut into blocks, nor on the instruction set
 // of the machine. T: a voxel type. Thread-safe.
+// `has_missing`: samples may be NaN. An axis is not filtered at a sample one of whose neighbours is
+// NaN, as at the border: so a result is NaN exactly if its centre is, and linear fields stay exact.
 template <typename T>
 void lowPassBlock(const Lattice& lattice, int level, format::Filter filter,
-                  const SampleBlock<T>& fine, const IndexBox& coarse, T* out);
+                  const SampleBlock<T>& fine, const IndexBox& coarse, T* out,
+                  bool has_missing = false);
 
 }  // namespace isobrick

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 #include "isobrick/storage/voxel_type.h"
@@ -163,9 +164,37 @@ ValueRange rangeOfBlock(const SampleBlock<T>& samples) {
   return {static_cast<float>(range[0]) + 0.0f, static_cast<float>(range[1]) + 0.0f};
 }
 
+namespace {
+
+// Ends of a range are found one after the other, each with a number that cannot be it in the place
+// of NaN.
+void includeCubesWithMissing(const SampleBlock<float>& samples, const IndexBox& cells,
+                             std::int64_t edge, CubeRanges<float>& ranges) {
+  const IndexBox box{cells.first, cells.count + Index3(1)};
+  std::vector<float> dense(static_cast<std::size_t>(box.size()));
+  copyBox(samples, box, dense.data(), box);
+  const bool is_any = std::any_of(dense.begin(), dense.end(), [](float v) { return v != v; });
+  if (!is_any) return includeClosedCubes(samples, cells, edge, ranges);
+  CubeRanges<float> ends = ranges;
+  for (auto member : {&CubeRanges<float>::min, &CubeRanges<float>::max}) {
+    const float neutral = member == &CubeRanges<float>::min ? std::numeric_limits<float>::max()
+                                                            : std::numeric_limits<float>::lowest();
+    copyBox(samples, box, dense.data(), box);
+    std::replace_if(
+        dense.begin(), dense.end(), [](float v) { return v != v; }, neutral);
+    includeClosedCubes(SampleBlock<float>::dense(dense.data(), box), cells, edge, ends);
+    ranges.*member = ends.*member;
+    ends = ranges;
+  }
+}
+
+}  // namespace
+
 template <typename T>
 void includeClosedCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge,
-                        CubeRanges<T>& ranges) {
+                        CubeRanges<T>& ranges, bool has_missing) {
+  if constexpr (std::is_same_v<T, float>)
+    if (has_missing) return includeCubesWithMissing(samples, cells, edge, ranges);
   HWY_DYNAMIC_DISPATCH(includeCubesOfType)(voxelTypeOf<T>(), &samples, cells, edge, &ranges);
 }
 
@@ -173,7 +202,7 @@ void includeClosedCubes(const SampleBlock<T>& samples, const IndexBox& cells, st
   template struct CubeRanges<T>;                                                            \
   template ValueRange rangeOfBlock<T>(const SampleBlock<T>&);                               \
   template void includeClosedCubes<T>(const SampleBlock<T>&, const IndexBox&, std::int64_t, \
-                                      CubeRanges<T>&);
+                                      CubeRanges<T>&, bool);
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 

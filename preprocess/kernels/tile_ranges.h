@@ -30,9 +30,9 @@ ValueRange rangeOfBlock(const SampleBlock<T>& samples);
 // Widens each range by the samples in its closed cube. The cubes are the blocks of `edge`^3 cells
 // that cut up the box `cells` of the block's level, fewer at its far sides: ranges.dims is
 // ceil(cells.count / edge). `samples` holds all corners of `cells`. T: a voxel type. Thread-safe
-// for different `ranges`.
+// for different `ranges`. `has_missing`: samples may be NaN, and no range takes those in.
 template <typename T>
 void includeClosedCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge,
-                        CubeRanges<T>& ranges);
+                        CubeRanges<T>& ranges, bool has_missing = false);
 
 }  // namespace isobrick

@@ -430,7 +430,8 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
   const std::size_t frames = countFrames(path, header);
   if (frames == 1)
     throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");
-  if (!header.hasGroups() && (options.time || options.channel || !options.grid.empty()))
+  if (!header.hasGroups() &&
+      (options.time.value_or(0) != 0 || options.channel.value_or(0) != 0 || !options.grid.empty()))
     throw unusable(path,
                    "it does not say of its frames to which time, channel or stack they belong; "
                    "leave out the choice of one");

@@ -151,13 +151,12 @@ class AxisFinder {
     wanted.reset();
   }
 
-  // An axis of one element has the index 0.
+  // An axis of one element has the index 0, and so has one that is not there.
   void refuseUnused(const char* kind, const std::optional<std::int64_t>& wanted, Role role) const {
-    if (!wanted) return;
+    if (wanted.value_or(0) == 0) return;
     bool has_one = false;
     for (std::size_t i = 0; i < dims_.size(); ++i)
       has_one |= !isOfSpace(i) && (roles_[i] == role || roles_[i] == Role::kUnknown);
-    if (has_one && *wanted == 0) return;
     throw refused(std::string("it has ") + (has_one ? "one " : "no ") + kind +
                   (has_one ? ", number 0" : " to choose: its axes are " + axesText()) +
                   "; leave the choice of " + kind + " " + std::to_string(*wanted) + " out");

@@ -213,12 +213,8 @@ Hdf5Choice chooseOfImaris(hid_t file, const std::string& name, const std::string
 
 // ----------------------------------------------------------------------------------------------------
 
-std::string listOf(const std::vector<std::string>& names) {
-  if (names.empty()) return "none of three axes";
-  std::string text;
-  for (std::size_t i = 0; i < std::min(names.size(), kMostDatasets); ++i)
-    text += (i > 0 ? ", " : "") + quotedText(names[i], 100);
-  return text + (names.size() > kMostDatasets ? ", ..." : "");
+std::string namesText(const std::vector<std::string>& names) {
+  return names.empty() ? "none of three axes" : quotedList(names);
 }
 
 }  // namespace
@@ -227,14 +223,14 @@ Hdf5Choice chooseHdf5Dataset(hid_t file, const std::string& name, const std::str
                              const BdvDataset* xml, const OpenOptions& options) {
   if (!named.empty() && !Hdf5Handle(H5Dopen2(file, named.c_str(), H5P_DEFAULT), H5Dclose).isValid())
     throw Error("'" + splitHdf5Name(name).first + "' has no dataset " + quotedText(named, 100) +
-                    " that can be opened; it has " + listOf(datasetNames(file)),
+                    " that can be opened; it has " + namesText(datasetNames(file)),
                 {.path = splitHdf5Name(name).first});
   if (isBdv(file)) return chooseOfBdv(file, name, named, xml, options);
   if (isImaris(file)) return chooseOfImaris(file, name, named, options);
   if (!named.empty()) return {.dataset = named};
   const std::vector<std::string> names = datasetNames(file);
   if (names.size() != 1)
-    throw Error("which dataset of '" + name + "' is unclear: it has " + listOf(names) +
+    throw Error("which dataset of '" + name + "' is unclear: it has " + namesText(names) +
                     "; name one, as in " + name + ":/path",
                 {.path = splitHdf5Name(name).first});
   return {.dataset = names.front()};

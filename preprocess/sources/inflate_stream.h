@@ -18,6 +18,10 @@ namespace isobrick {
 std::unique_ptr<ByteStream> makeInflateStream(const std::string& path,
                                               std::unique_ptr<ByteStream> packed);
 
+// The same of one bzip2 stream. Holds at most 4 MiB.
+std::unique_ptr<ByteStream> makeBunzipStream(const std::string& path,
+                                             std::unique_ptr<ByteStream> packed);
+
 // The blocks of a VTK file: zlib streams one behind the other that inflate to `block_bytes` each,
 // the last one to the rest of `total_bytes`. A block of another size is damage.
 std::unique_ptr<ByteStream> makeInflateBlocksStream(const std::string& path,

@@ -276,7 +276,7 @@ class NrrdReader {
     else if (encoding == "hex")
       files.form = Form::kHex;
     else if (encoding == "bzip2" || encoding == "bz2")
-      throw unusable(path_, "its data are packed with bzip2, which is not read; save it with gzip");
+      files.form = Form::kBzip2;
     else if (encoding != "raw")
       throw wrong("encoding", value("encoding"), "is none of the format's");
     const std::string endian = lowercase(value("endian"));

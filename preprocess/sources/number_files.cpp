@@ -207,6 +207,8 @@ std::unique_ptr<ByteStream> contentStream(const NumberFiles& files,
   switch (files.form) {
     case Form::kGzip:
       return makeInflateStream(path, makeFileStream(std::move(file), offset));
+    case Form::kBzip2:
+      return makeBunzipStream(path, makeFileStream(std::move(file), offset));
     case Form::kText:
       return std::make_unique<TextNumberStream>(std::move(file), offset, type);
     case Form::kHex:
@@ -244,6 +246,8 @@ class NumberStream final : public ByteStream {
   }
   std::uint64_t bufferBytes() const override {
     constexpr std::uint64_t kInflateBytes = 320 << 10;
+    constexpr std::uint64_t kBunzipBytes = 4 << 20;
+    if (files_.form == Form::kBzip2) return kBunzipBytes;
     return files_.form == Form::kGzip ? kInflateBytes : sizeof(TextNumberStream);
   }
 

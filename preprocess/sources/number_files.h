@@ -15,7 +15,7 @@
 namespace isobrick {
 
 struct NumberFiles {
-  enum class Form { kBytes, kGzip, kText, kHex, kNibbles };
+  enum class Form { kBytes, kGzip, kBzip2, kText, kHex, kNibbles };
 
   std::string header_path;
   std::vector<std::string> paths;  // in the order of their numbers; at least one

@@ -15,6 +15,14 @@ std::string quotedText(const std::string& text, std::size_t most_characters) {
   return result;
 }
 
+std::string quotedList(const std::vector<std::string>& names) {
+  constexpr std::size_t kMostNames = 12;
+  std::string list;
+  for (std::size_t i = 0; i < names.size() && i <= kMostNames; ++i)
+    list += (i > 0 ? ", " : "") + (i == kMostNames ? "..." : quotedText(names[i], 100));
+  return list;
+}
+
 std::int64_t takeOne(const std::string& path, const std::string& kind,
                      std::optional<std::int64_t> wanted, std::int64_t count, VolumeInfo& info) {
   const std::int64_t taken = wanted.value_or(0);

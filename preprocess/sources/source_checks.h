@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "isobrick/preprocess/volume_source.h"
 
@@ -14,6 +15,8 @@ namespace isobrick {
 // `text` of a file or a library in quotes, fit for a line of a message: blanks for control
 // characters, and no more than `most_characters` of it.
 std::string quotedText(const std::string& text, std::size_t most_characters);
+// The first of some names so, for a message: "'a', 'b', ...".
+std::string quotedList(const std::vector<std::string>& names);
 
 // The number that a choice of a `kind` ("channel") takes out of `count`, the first without a
 // choice; `info` says so if there are several. Throws Error if there are fewer.

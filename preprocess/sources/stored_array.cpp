@@ -43,6 +43,8 @@ class ArrayChooser {
     }
     refuseUnused(options.time, "time steps");
     refuseUnused(options.image, "images");
+    // An axis that is not there has the index 0.
+    if (choice_.values == 1 && options.channel.value_or(1) == 0) options.channel.reset();
     // What one program calls a component is a channel for another.
     if (!options.component && options.channel)
       options.component = ComponentChoice{.index = *options.channel};

@@ -91,14 +91,6 @@ class ZarrVolumes {
   std::size_t groups_ = 0;
 };
 
-std::string listOfChildren(const std::vector<std::string>& names) {
-  constexpr std::size_t kMostListed = 20;
-  std::string list;
-  for (std::size_t i = 0; i < names.size() && i <= kMostListed; ++i)
-    list += (i > 0 ? ", " : "") + (i == kMostListed ? "..." : quotedText(names[i], 60));
-  return list;
-}
-
 }  // namespace
 
 Json zarrAttributes(const std::string& folder) {
@@ -132,11 +124,11 @@ std::string chooseZarrVolume(const std::string& folder, std::optional<std::int64
                    "folder of one");
   if (!number && names.size() > 1)
     throw unusable(folder, "it holds " + std::to_string(names.size()) +
-                               " images or arrays: " + listOfChildren(names) +
-                               "; name one, as in '" + folder + "/" + names.front() + "'");
+                               " images or arrays: " + quotedList(names) + "; name one, as in '" +
+                               folder + "/" + names.front() + "'");
   if (number && static_cast<std::uint64_t>(*number) >= names.size())
     throw unusable(folder, "it has no image " + std::to_string(*number) + "; it has " +
-                               listOfChildren(names) + ", counted from 0");
+                               quotedList(names) + ", counted from 0");
   return folder + "/" + names[static_cast<std::size_t>(number.value_or(0))];
 }
 

@@ -392,8 +392,9 @@ class ZarrOpener {
       if (!wanted && count > 1)
         info.notes.push_back("of " + std::to_string(count) + " " + kind + "s, the first was taken");
     }
-    refuseChoice(options_.time && !has_time, "time step");
-    refuseChoice(options_.channel && !has_channel, "channel");
+    // An axis that is not there has the index 0, as in other formats.
+    refuseChoice(options_.time.value_or(0) != 0 && !has_time, "time step");
+    refuseChoice(options_.channel.value_or(0) != 0 && !has_channel, "channel");
     return fixed;
   }
 

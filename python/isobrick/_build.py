@@ -41,6 +41,8 @@ class BuildReport:
     replaced_voxels: int
     #: Every conversion on the way in, a line each.
     notes: list[str]
+    #: Voxels without data: ``mask_nan``.
+    missing_voxels: int = 0
     #: For a pyramid of many files (``.isbs``): files of super-bricks that were built, and that were there.
     super_bricks_built: int = 0
     super_bricks_up_to_date: int = 0
@@ -86,6 +88,7 @@ class _BuildSettings:
     super_cells: int = 0
     super_brick: int | None = None
     tool_version: str = __version__
+    mask_nan: bool = False
 
 
 @dataclass
@@ -127,6 +130,7 @@ def build(
     curvature: bool = True,
     brick_cells: int = 64,
     nan_as: float | None = None,
+    mask_nan: bool = False,
     memory: int | str = DEFAULT_MEMORY,
     threads: int = 0,
     progress: Progress = None,
@@ -156,7 +160,8 @@ def build(
     uint8, int8, uint16, int16 and float32 stay what they are, bool becomes uint8. Other integers whose range fits
     16 bits are stored so, less an offset, and all other numbers as float32 around an offset: they are read once
     more for that, and a note says how many values change, and by how much at most.
-    Voxels that are not finite are an error, unless ``nan_as`` is the value that takes their place.
+    Voxels that are not finite are an error, unless ``nan_as`` is the value that takes their place, or, of NaN,
+    ``mask_nan`` is set: then they have no data, and surfaces are open beside them (not in a ``.isbs``).
 
     codec       'none', 'lz4' or 'zstd': how bricks are packed
     filter      'average' or 'subsample': from a level to the next coarser one
@@ -184,7 +189,7 @@ def build(
             _FileInput(raw, spacing, origin, series, grid, time, channel, image, component),
             _BuildSettings(
                 name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory), threads, tell, cancel,
-                super_brick if is_divided else 0,
+                super_brick if is_divided else 0, mask_nan=mask_nan,
             ),
         )  # fmt: skip
         if not is_divided:
@@ -288,7 +293,7 @@ def _sum_of(reports: list[tuple[bool, BuildReport]]) -> BuildReport:
     return BuildReport(
         sum(r.seconds for _, r in reports), busy, sum(r.file_bytes for _, r in reports),
         sum(r.bricks for _, r in reports), sum(r.replaced_voxels for _, r in reports), notes,
-        built, len(reports) - built,
+        super_bricks_built=built, super_bricks_up_to_date=len(reports) - built,
     )  # fmt: skip
 
 

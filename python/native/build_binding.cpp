@@ -65,6 +65,7 @@ BuildRequest readBuildRequest(const nb::object& settings) {
   options.filter = filterNamed(nb::cast<std::string>(settings.attr("filter")));
   options.with_curvature = nb::cast<bool>(settings.attr("with_curvature"));
   options.brick_cells = nb::cast<std::int64_t>(settings.attr("brick_cells"));
+  options.mask_nan = nb::cast<bool>(settings.attr("mask_nan"));
   options.nan_as = nb::cast<std::optional<float>>(settings.attr("nan_as"));
   options.memory_bytes = nb::cast<std::uint64_t>(settings.attr("memory_bytes"));
   options.tool_version = nb::cast<std::string>(settings.attr("tool_version"));
@@ -115,6 +116,7 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
   result["file_bytes"] = report.file_bytes;
   result["bricks"] = report.bricks;
   result["replaced_voxels"] = report.replaced_voxels;
+  result["missing_voxels"] = report.missing_voxels;
   result["notes"] = notes;
   return result;
 }

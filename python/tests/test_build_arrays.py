@@ -301,6 +301,15 @@ def test_nan_as(tmp_path: Path) -> None:
     assert isobrick.open(tmp_path / "n.isb").level(0)[3, 4, 5] == -7
 
 
+def test_mask_nan(tmp_path: Path) -> None:
+    array = ball(20)
+    array[:, :, 12:] = np.nan
+    report = isobrick.build(array, tmp_path / "n.isb", mask_nan=True)
+    assert report.missing_voxels == 20 * 20 * 8
+    assert "have no data" in isobrick.open(tmp_path / "n.isb").provenance["notes"][-1]
+    assert np.array_equal(isobrick.open(tmp_path / "n.isb").level(0)[:], array, equal_nan=True)
+
+
 def test_an_output_that_exists_is_replaced_with_force_only(tmp_path: Path) -> None:
     out = tmp_path / "o.isb"
     isobrick.build(ball(), out)

@@ -188,9 +188,11 @@ PlainPyramid readHeader(FileBytes& file) {
     require(std::isfinite(p.value_scale) && p.value_scale > 0, "value_scale");
     require(std::isfinite(p.value_offset), "value_offset");
   }
+  if (has_transform) p.missing_voxels = file.u64(448);
+  require(p.missing_voxels == 0 || p.voxel_type == 4, "missing_voxels");
   for (std::uint64_t i = 364; i < 504; ++i)
     require(
-        (i >= 368 && i < 392) || (has_transform && i >= 432 && i < 448) || file.number(i, 1) == 0,
+        (i >= 368 && i < 392) || (has_transform && i >= 432 && i < 456) || file.number(i, 1) == 0,
         "reserved bytes");
   return p;
 }
@@ -346,16 +348,24 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
     at += 24;
   }
   brick.range = {file.f32(at), file.f32(at + 4)};
-  require(brick.range.min <= brick.range.max, "range of a brick");
+  // Section 6: no range, where no voxel has data.
+  constexpr float kMost = std::numeric_limits<float>::max();
+  const auto isNone = [&](const PlainRange& range) {
+    return p.missing_voxels > 0 && range.min == kMost && range.max == -kMost;
+  };
+  require(brick.range.min <= brick.range.max || isNone(brick.range), "range of a brick");
   const float constant = file.f32(at + 8);
 
   if (brick.parts[0].codec == 1)
-    require(constant >= brick.range.min && constant <= brick.range.max, "constant of a brick");
+    require((constant >= brick.range.min && constant <= brick.range.max) ||
+                (p.missing_voxels > 0 && std::isnan(constant)),
+            "constant of a brick");
   else
     require(brick.parts[1].codec != 1, "constant ranges of samples that are not");
   readElements(file, p.voxel_type, constant, brick);
   for (const PlainRange& range : brick.tile_ranges)
-    require(range.min <= range.max && range.min >= brick.range.min && range.max <= brick.range.max,
+    require(isNone(range) || (range.min <= range.max && range.min >= brick.range.min &&
+                              range.max <= brick.range.max),
             "range of a tile");
   return brick;
 }
@@ -381,7 +391,8 @@ void readHistogram(FileBytes& file, PlainPyramid& p) {
     p.histogram.push_back(numberAt(&elements[at], 8));
     voxels += p.histogram.back();
   }
-  require(voxels == static_cast<std::uint64_t>(product(p.dims)), "the histogram's voxels");
+  require(voxels + p.missing_voxels == static_cast<std::uint64_t>(product(p.dims)),
+          "the histogram's voxels");
   require(p.histogram.front() > 0 && p.histogram.back() > 0, "the histogram's ends");
 }
 

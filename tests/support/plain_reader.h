@@ -61,6 +61,7 @@ struct PlainPyramid {
   std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
   double value_scale = 1, value_offset = 0;  // of version 4
+  std::uint64_t missing_voxels = 0;          // likewise
   std::vector<std::uint32_t> kinds;          // of the parts of a row
   std::vector<std::uint64_t> histogram;      // section 10
   std::vector<float> gradients;              // section 10; empty where there are none

@@ -173,6 +173,7 @@ class Mesher {
   void addFace(const LeafBox& leaf, int axis, int side, int level);
   void addSubFace(const Index3& lower, const Index3& upper, int axis, int side, int level);
   std::vector<Loop> takeLoops();
+  bool isBesideMissing(const LeafBox& leaf) const;
   void meshLeaf(const LeafBox& leaf);
   void emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::uint32_t c);
   void sortCrossings();
@@ -284,6 +285,14 @@ glm::vec3 Mesher::gradient(const Index3& p) const {
     Index3 low = sample, high = sample;
     low[axis] = std::max<std::int64_t>(sample[axis] - 1, 0);
     high[axis] = std::min(sample[axis] + 1, lattice_.samples(m)[axis] - 1);
+    if (pyramid_.has_missing) {
+      const auto isMissing = [&](const Index3& at) { return std::isnan(pyramid_.sampleAt(m, at)); };
+      if (isMissing(low))
+        low = sample;
+      else if (isMissing(high))
+        high = sample;
+      if (isMissing(low) || isMissing(high) || low == high) continue;
+    }
     const float difference = pyramid_.sampleAt(m, high) - pyramid_.sampleAt(m, low);
     g[axis] = difference / static_cast<float>(lattice_.position(m, axis, high[axis]) -
                                               lattice_.position(m, axis, low[axis]));
@@ -467,8 +476,30 @@ void Mesher::emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::ui
   mesh_.triangle_cells.push_back(leaf.cell);
 }
 
+// Whether a corner of the leaf has no data, or hangs between corners of which one has none.
+bool Mesher::isBesideMissing(const LeafBox& leaf) const {
+  bool is_any = false;
+  forEachIndex(Index3(2), [&](const Index3& corner) {
+    Index3 p = leaf.lower;
+    for (int axis = 0; axis < 3; ++axis)
+      if (corner[axis] == 1) p[axis] = leaf.upper[axis];
+    is_any = is_any || std::isnan(pyramid_.sampleAtPosition(leaf.level, p));
+    const int M = touchingLevels(p).second;
+    if (M == leaf.level) return;
+    forEachIndex(Index3(2), [&](const Index3& end) {
+      Index3 q = p;
+      for (int axis = 0; axis < 3; ++axis)
+        if (!isOnLattice(lattice_, M, axis, p[axis]))
+          q[axis] = std::min(((p[axis] >> M) + end[axis]) << M, last_[axis]);
+      is_any = is_any || std::isnan(pyramid_.sampleAtPosition(M, q));
+    });
+  });
+  return is_any;
+}
+
 void Mesher::meshLeaf(const LeafBox& leaf) {
   ReferenceLevelCounts& counts = mesh_.level_counts[static_cast<std::size_t>(leaf.level)];
+  if (pyramid_.has_missing && isBesideMissing(leaf)) return;
   bool is_transition = false, is_crossed = false;  // across a transition face
   for (int axis = 0; axis < 3; ++axis) {
     for (int side = 0; side < 2; ++side) {

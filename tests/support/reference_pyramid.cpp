@@ -1,5 +1,6 @@
 #include "tests/support/reference_pyramid.h"
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <stdexcept>
@@ -54,6 +55,22 @@ Sum weightedSum(const std::vector<float>& fine, const Index3& fine_dims, const T
   return sum_z;
 }
 
+// FORMAT.md, section 4: beside NaN an axis is not filtered. Along z first, then y, then x.
+double filteredBesideMissing(const std::vector<float>& fine, const Index3& fine_dims,
+                             const std::array<Taps, 3>& taps, int axis, Index3 at) {
+  if (axis == 3) return static_cast<double>(fine[sampleOffset(fine_dims, at)]);
+  const Taps& own = taps[static_cast<std::size_t>(axis)];
+  double sum = 0, middle = 0;
+  for (int tap = 0; tap < own.count; ++tap) {
+    at[axis] = own.first + tap;
+    const double v = filteredBesideMissing(fine, fine_dims, taps, axis + 1, at);
+    sum += static_cast<double>(own.weight(tap)) * v;
+    if (own.count == 1 || tap == 1) middle = v;
+  }
+  if (own.count == 1) return middle;
+  return std::isnan(sum) ? middle : sum / 4;
+}
+
 template <typename T>
 float filteredSample(const std::vector<float>& fine, const Index3& fine_dims, const Taps& tx,
                      const Taps& ty, const Taps& tz) {
@@ -65,6 +82,8 @@ float filteredSample(const std::vector<float>& fine, const Index3& fine_dims, co
     return static_cast<float>((sum + total_weight / 2) >> (2 * filtered_axes));
   } else {
     const double sum = weightedSum<double>(fine, fine_dims, tx, ty, tz);
+    if (std::isnan(sum))
+      return static_cast<float>(filteredBesideMissing(fine, fine_dims, {tx, ty, tz}, 0, Index3(0)));
     return static_cast<float>(sum / static_cast<double>(total_weight));
   }
 }

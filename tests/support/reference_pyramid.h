@@ -21,6 +21,8 @@ enum class ReferenceFilter { kAverage, kSubsample };
 struct ReferencePyramid {
   Lattice lattice;
   std::vector<std::vector<float>> levels;
+  // NaN is a voxel without data: leaves beside one make nothing, gradients there are one-sided.
+  bool has_missing = false;
 
   float sampleAt(int level, const Index3& sample) const;
   // The sample of `level` that sits at voxel index `position`, which must be on its lattice.

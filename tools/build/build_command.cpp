@@ -134,6 +134,8 @@ void checkDivision(const BuildArguments& arguments) {
         fmt::format("{} is for pyramids of many files; name the folder with -o OUT.isbs", given));
   if (arguments.isDivided() && !arguments.settings.options.preview.folder.empty())
     throw UsageError("previews are for pyramids of one file");
+  if (arguments.isDivided() && arguments.settings.options.mask_nan)
+    throw UsageError("--mask-nan is for pyramids of one file; write OUT.isb, or give --nan-as V");
 }
 
 int runBuild(BuildArguments arguments) {
@@ -257,6 +259,7 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
       "default: 1/64");
   addParsedOption(sub, "--nan-as", options.nan_as, parseSingle, "V",
                   "Value to put where voxels are NaN or infinite; without it they are refused");
+  sub.add_flag("--mask-nan", options.mask_nan, kMaskNanHelp);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
@@ -148,6 +149,8 @@ BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
     built.volume.notes.push_back(fmt::format("{} voxels that were not finite became {}",
                                              built.report.replaced_voxels,
                                              *settings.options.nan_as));
+  if (built.report.missing_voxels > 0)
+    built.volume.notes.push_back(noteOfMissing(built.report.missing_voxels));
   takeNoteOfPyramid(settings.options, built);
   built.seconds = watch.seconds();
   return built;

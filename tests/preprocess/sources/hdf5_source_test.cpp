@@ -119,7 +119,7 @@ TEST_F(Hdf5SourceTest, AxesAreThoseThatTheFileNames) {
       EXPECT_CONTAINS(refusal(path), has_time ? "the times 0 to 2" : "the channels 0 to 1");
     }
     if (!has_time && !has_channel) {
-      options.channel = 0;
+      options.channel = 1;
       EXPECT_CONTAINS(refusal(path, options), "no channel to choose");
     }
   }
@@ -137,7 +137,7 @@ TEST_F(Hdf5SourceTest, AChoiceOfWhatIsNotThereIsRefused) {
   const std::string path =
       make([](Hdf5TestFile& file) { file.dataset("a", kZyx, "u2", kZyxBytes); });
   OpenOptions options;
-  options.channel = 0;
+  options.channel = 1;
   EXPECT_CONTAINS(refusal(path, options), "no channel to choose: its axes are 4 x 5 x 7");
   options.channel.reset();
   options.time = 1;

@@ -64,7 +64,6 @@ class RefusalsTest : public test::VolumeFilesTest {
 
 TEST_F(RefusalsTest, SayWhatTheDocumentSays) {
   const std::map<std::string, std::function<std::string()>> files{
-      {"NRRD packed with bzip2", [&] { return nrrd("type: uint8\nencoding: bzip2", 20); }},
       {"NRRD of blocks", [&] { return nrrd("type: block\nblock size: 4\nencoding: raw", 108); }},
       {"MRC of another mode", [&] { return mrc(9, 90); }},
       {"MRC with oblique axes", [&] { return mrc(2, 112); }},

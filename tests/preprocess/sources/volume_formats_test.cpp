@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <type_traits>
@@ -19,6 +20,8 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "tests/support/array_source.h"
+#include "tests/support/build_message.h"
 #include "tests/support/dicom_file.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/nifti_file.h"
@@ -315,6 +318,67 @@ TEST_F(VolumeFormats, AnObliqueScanHasItsSurfaceAtTheSamePlacesInEightFormats) {
                 1e-3 * 0.5)
           << name;
   }
+}
+
+// One rule for all formats that have times or channels: what is not there has the number 0.
+TEST_F(VolumeFormats, TheOnlyTimeAndChannelHaveTheNumberZero) {
+  for (const char* name :
+       {"a.nrrd", "a.nii", "a.mha", "a.ome.zarr", "a.h5", "a.tif", "slices/%04d.tif"}) {
+    VolumeLevels levels;
+    levels.push_back(std::make_unique<ArraySource<std::int16_t>>(kHeadVoxels, headVoxels()));
+    ExportOptions export_options;
+    export_options.memory_bytes = std::uint64_t{64} << 20;
+    exportVolume(levels, pathOf(name), export_options);
+    const std::string path = pathOf(std::string(name).starts_with("slices") ? "slices" : name);
+    const std::string encoding = openVolume(path)->info().encoding;
+    for (auto member : {&OpenOptions::time, &OpenOptions::channel}) {
+      OpenOptions options;
+      options.*member = 0;
+      const auto source = openVolume(path, options);
+      EXPECT_EQ(readVoxels<std::int16_t>(*source), headVoxels()) << name;
+      EXPECT_EQ(source->info().encoding, encoding) << name;
+      options.*member = 1;
+      EXPECT_THROW(openVolume(path, options), Error) << name;
+    }
+  }
+}
+
+// NaN is the same in every format that can hold it: refused, replaced, or a voxel without data.
+TEST_F(VolumeFormats, VoxelsWithoutDataAreThoseOfEveryFormat) {
+  std::vector<float> voxels = headAs<float>();
+  std::uint64_t missing = 0;
+  for (std::size_t i = 0; i < voxels.size(); ++i)
+    if (i % static_cast<std::size_t>(kHeadVoxels.x) > 30) {
+      voxels[i] = std::numeric_limits<float>::quiet_NaN();
+      ++missing;
+    }
+  std::vector<std::uint32_t> expected;
+  for (const char* name : {"a.nrrd", "a.nii", "a.nii.gz", "a.mha", "a.vti", "a.ome.zarr", "a.h5",
+                           "a.tif", "slices/%04d.exr"}) {
+    VolumeLevels levels;
+    levels.push_back(std::make_unique<ArraySource<float>>(kHeadVoxels, voxels));
+    ExportOptions export_options;
+    export_options.memory_bytes = std::uint64_t{64} << 20;
+    exportVolume(levels, pathOf(name), export_options);
+    const std::string path = pathOf(std::string(name).starts_with("slices") ? "slices" : name);
+    BuildOptions options;
+    EXPECT_CONTAINS(messageOfBuild(*openVolume(path), pathOf("a.isb"), options), "not a number");
+    options.mask_nan = true;
+    const BuildReport report = buildPyramid(*openVolume(path), pathOf("a.isb"), options);
+    EXPECT_EQ(report.missing_voxels, missing) << name;
+    Query query;
+    query.isovalue = kBone;
+    IndexedMeshSink sink;
+    extractIsosurface(Pyramid(pathOf("a.isb")), query, sink);
+    const auto& triangles = sink.mesh().triangles;
+    if (expected.empty()) expected.assign(triangles.begin(), triangles.end());
+    EXPECT_TRUE(std::equal(triangles.begin(), triangles.end(), expected.begin(), expected.end()))
+        << name;
+    options.mask_nan = false;
+    options.nan_as = 0;
+    EXPECT_EQ(buildPyramid(*openVolume(path), pathOf("a.isb"), options).replaced_voxels, missing);
+  }
+  EXPECT_GT(expected.size(), 300u);
 }
 
 // ---- what the files say besides their voxels, and what the readers hold of them -----------------

@@ -255,7 +255,7 @@ TEST_F(ZarrVolumesTest, AChoiceOfWhatThereIsNotIsRefused) {
   options.time = 3;
   EXPECT_CONTAINS(messageOf("a.zarr", options), "no axis of time steps");
   options = {};
-  options.channel = 0;
+  options.channel = 1;
   EXPECT_CONTAINS(messageOf("a.zarr", options), "no axis of channels");
 }
 
