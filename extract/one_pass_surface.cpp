@@ -15,9 +15,9 @@ struct OnePassSurface::Run {
   Run(const Pyramid& pyramid, const Query& asked, TriangleSink* into, SurfaceMesh* mesh)
       : query(asked),
         context(pyramid, query, log),
-        joiner(into == nullptr ? std::make_unique<SurfaceJoiner>(
-                                     *mesh, pyramid.spec().geometry, numbering)
-                               : nullptr),
+        joiner(into == nullptr
+                   ? std::make_unique<SurfaceJoiner>(*mesh, pyramid.spec().geometry, numbering)
+                   : nullptr),
         sink(into == nullptr ? *joiner : *into),
         bricks(finestBricksOf(pyramid.layout(), query)),
         counts(noCounts(pyramid.lattice().levels())) {}
@@ -35,13 +35,11 @@ struct OnePassSurface::Run {
 };
 
 OnePassSurface::OnePassSurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink)
-    : run_((checkQuery(pyramid, query),
-            std::make_unique<Run>(pyramid, query, &sink, nullptr))) {
+    : run_((checkQuery(pyramid, query), std::make_unique<Run>(pyramid, query, &sink, nullptr))) {
   begin();
 }
 OnePassSurface::OnePassSurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh)
-    : run_((checkQuery(pyramid, query),
-            std::make_unique<Run>(pyramid, query, nullptr, &mesh))) {
+    : run_((checkQuery(pyramid, query), std::make_unique<Run>(pyramid, query, nullptr, &mesh))) {
   begin();
 }
 

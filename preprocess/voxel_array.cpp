@@ -11,8 +11,10 @@ namespace {
 template <typename T>
 std::unique_ptr<const Pyramid> pyramidOf(const VolumeInfo& info, const VoxelArray& array) {
   const PyramidSpec spec = level0Spec(info);
-  const SampleBlock<T> voxels{static_cast<const T*>(array.first), {Index3(0), info.voxels},
-                              array.row_stride, array.slice_stride};
+  const SampleBlock<T> voxels{static_cast<const T*>(array.first),
+                              {Index3(0), info.voxels},
+                              array.row_stride,
+                              array.slice_stride};
   const BrickLayout layout = spec.layout();
   const auto window = std::make_shared<VoxelWindow<T>>(layout);
   window->show(voxels);
@@ -32,9 +34,8 @@ std::unique_ptr<const Pyramid> pyramidOf(const VolumeInfo& info, const VoxelArra
 
 std::unique_ptr<const Pyramid> pyramidOfArray(const VolumeInfo& info, const VoxelArray& array) {
   std::unique_ptr<const Pyramid> pyramid;
-  visitVoxelType(info.voxel_type, [&](auto tag) {
-    pyramid = pyramidOf<typename decltype(tag)::Type>(info, array);
-  });
+  visitVoxelType(info.voxel_type,
+                 [&](auto tag) { pyramid = pyramidOf<typename decltype(tag)::Type>(info, array); });
   return pyramid;
 }
 

@@ -18,9 +18,10 @@ struct VoxelArray {
 };
 
 // For queries of level 0, by Extractor: the mesh is that of a pyramid of the same volume. A query
-// goes once through the bricks that it needs, and copies those that the surface crosses; of float32,
-// this goes once through the array, on the calling TBB arena, for the range of its values. The array outlives the result, and does not change
-// meanwhile. Throws Error for NaN and infinite voxels.
+// goes once through the bricks that it needs, and copies those that the surface crosses; of
+// float32, this goes once through the array, on the calling TBB arena, for the range of its values.
+// The array outlives the result, and does not change meanwhile. Throws Error for NaN and infinite
+// voxels.
 std::unique_ptr<const Pyramid> pyramidOfArray(const VolumeInfo& info, const VoxelArray& array);
 
 }  // namespace isobrick

@@ -50,9 +50,7 @@ class PyramidParts {
   // ---- which parts there are: the brick table
 
   // Row of the brick in the file's table: a number that identifies it among all levels.
-  std::size_t brickRow(int level, const Index3& brick) const {
-    return rows_.row(level, brick);
-  }
+  std::size_t brickRow(int level, const Index3& brick) const { return rows_.row(level, brick); }
   // The brick of a row below brickCount().
   BrickAddress brickAt(std::size_t row) const { return rows_.address(row); }
   std::size_t brickCount() const { return rows_.count(); }
@@ -165,7 +163,7 @@ class PyramidParts {
   const PyramidTables& tables_;
   const std::shared_ptr<const BrickSupply> supply_;  // null: level 0 is stored
   const TableRows rows_;                             // of all bricks of all levels
-  mutable BrickPager pager_;  // thread-safe by itself
+  mutable BrickPager pager_;                         // thread-safe by itself
 };
 
 }  // namespace isobrick

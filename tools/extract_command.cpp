@@ -2,9 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <glm/common.hpp>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -14,21 +11,14 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/shares/mesh_share.h"
-#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
-#include "isobrick/extract/sinks/vertex_numbering.h"
-#include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote/remote_address.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/extract_surface.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
-#include "tools/loss_warnings.h"
-#include "tools/measured_sink.h"
 #include "tools/neuroglancer/extract_meshes.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
@@ -42,8 +32,6 @@
 
 namespace isobrick {
 namespace {
-
-namespace fs = std::filesystem;
 
 MeshShift parseShift(const std::string& text) {
   return text == "auto" ? MeshShift() : MeshShift{parsePoint(text)};
@@ -119,8 +107,9 @@ bool needsNoPyramid(const ExtractArguments& arguments) {
   const bool is_known = std::all_of(query.isovalues.begin(), query.isovalues.end(),
                                     [](const auto& isovalue) { return isovalue.has_value(); });
   return isVolume(query.input.path) && query.input.cache_folder.empty() && is_known &&
-         !masksNan(query.input) && isFinest(query.choice) && query.or_finer.empty() && !arguments.most_triangles &&
-         !arguments.part && arguments.repeat == 1 && !isShareName(arguments.output);
+         !masksNan(query.input) && isFinest(query.choice) && query.or_finer.empty() &&
+         !arguments.most_triangles && !arguments.part && arguments.repeat == 1 &&
+         !isShareName(arguments.output);
 }
 
 ExtractResults extractFromPyramid(ExtractArguments& arguments) {

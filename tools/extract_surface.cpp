@@ -141,7 +141,8 @@ TriangleSink& ExtractedSurface::meshSink(bool to_file) {
                                                    .meshopt = arguments_.meshopt});
   to_file_ = to_file && file_sink_ != nullptr;
   counting_sink_ = CountingSink();
-  TriangleSink& sink = measured(to_file_ ? static_cast<TriangleSink&>(*file_sink_) : counting_sink_);
+  TriangleSink& sink =
+      measured(to_file_ ? static_cast<TriangleSink&>(*file_sink_) : counting_sink_);
   if (!result_.components) return sink;
   filter_.emplace(*result_.components, result_.is_kept, sink);
   return *filter_;

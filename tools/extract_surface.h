@@ -43,11 +43,11 @@ struct ExtractArguments {
   bool json = false;
 };
 
-// Of `isobrick extract -o`: the file of each isovalue, or of several isovalues with the value behind
-// its stem, "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
+// Of `isobrick extract -o`: the file of each isovalue, or of several isovalues with the value
+// behind its stem, "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
 std::vector<std::string> meshNames(const ExtractArguments& arguments);
-// Throws Error if a file is in the way: before the work, so that a path that cannot be written costs
-// no time.
+// Throws Error if a file is in the way: before the work, so that a path that cannot be written
+// costs no time.
 void refuseOutputs(const ExtractArguments& arguments);
 // True of a share of a mesh, .isbm.
 bool isShareName(const std::string& output);

@@ -129,10 +129,11 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
 
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
   return app
-      .add_option("FILE", input.path,
-                  "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
-                  "'isobrick build' reads it, a DICOM folder, "
-                  "or phantom:NAME:SIZE, of which a pyramid is built into the cache first")
+      .add_option(
+          "FILE", input.path,
+          "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
+          "'isobrick build' reads it, a DICOM folder, "
+          "or phantom:NAME:SIZE, of which a pyramid is built into the cache if one is needed")
       ->type_name("PATH");
 }
 

@@ -179,8 +179,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
       batch.clear();
     }
     context.throwIfReadsFailed();
-    context.noteDone(
-        part.at(static_cast<double>(++meshed) / static_cast<double>(work.size())));
+    context.noteDone(part.at(static_cast<double>(++meshed) / static_cast<double>(work.size())));
     job.bytes = batch.bytes();
   };
   const auto place = [&](const JobBoard::Job& job) {

@@ -173,7 +173,8 @@ def _in_mask(
     z, y, x = (
         np.clip(middles[:, 2 - axis].astype(np.intp), 0, mask.shape[axis] - 2) for axis in range(3)
     )
-    return mask[z + 1, y + 1, x + 1].astype(bool)
+    inside: NDArray[np.bool_] = mask[z + 1, y + 1, x + 1].astype(bool)
+    return inside
 
 
 def _values(volume: NDArray[Any], points: NDArray[np.float64]) -> NDArray[np.float32]:

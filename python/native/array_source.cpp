@@ -1,7 +1,6 @@
 #include "array_source.h"
 
 #include <nanobind/ndarray.h>
-
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -135,8 +134,8 @@ VoxelType deliveredType(const std::string& type) {
   return result;
 }
 
-void cellContrasts(const StridedArray& array, const Index3& voxels,
-                   std::span<const double> points, std::span<float> out) {
+void cellContrasts(const StridedArray& array, const Index3& voxels, std::span<const double> points,
+                   std::span<float> out) {
   visitStored(array.type, [&](auto tag) {
     using Stored = typename decltype(tag)::Type;
     const auto* const base = reinterpret_cast<const std::byte*>(array.address);
@@ -159,7 +158,8 @@ void cellContrasts(const StridedArray& array, const Index3& voxels,
               for (int corner = 0; corner < 8; ++corner) {
                 const Index3 at =
                     (cell + Index3(corner & 1, corner >> 1 & 1, corner >> 2)) * array.strides;
-                const auto value = static_cast<float>(load<Stored>(base + at.x + at.y + at.z, false));
+                const auto value =
+                    static_cast<float>(load<Stored>(base + at.x + at.y + at.z, false));
                 least = std::min(least, value);
                 greatest = std::max(greatest, value);
               }

@@ -26,8 +26,8 @@ VoxelType deliveredType(const std::string& type);
 // For every one of `points`, (x, y, z) in voxel indices on the edges of cells, the greatest
 // difference of voxels within one of the cells that it is part of: `values` of scikit-image's
 // marching_cubes. `type`: u1, i1, u2, i2 or f4, in this machine's byte order.
-void cellContrasts(const StridedArray& array, const Index3& voxels,
-                   std::span<const double> points, std::span<float> out);
+void cellContrasts(const StridedArray& array, const Index3& voxels, std::span<const double> points,
+                   std::span<float> out);
 
 // Reads straight from the array's memory, which outlives the source. `info` has all but the voxel
 // type. Any number of threads may read.

@@ -99,12 +99,11 @@ nb::object isosurfaceStrided(const nb::object& description, std::uintptr_t addre
   info.voxel_type = deliveredType(array.type);
   return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
     if (!isVoxelArray(array, info.voxel_type))
-      return streamInto([&] { return makeStridedSource(info, array, "array"); }, memory_bytes, query,
-                        mesh, state);
+      return streamInto([&] { return makeStridedSource(info, array, "array"); }, memory_bytes,
+                        query, mesh, state);
     const auto bytes = static_cast<std::int64_t>(voxelBytes(info.voxel_type));
-    const auto pyramid = pyramidOfArray(
-        info, {reinterpret_cast<const void*>(array.address), array.strides.y / bytes,
-               array.strides.z / bytes});
+    const auto pyramid = pyramidOfArray(info, {reinterpret_cast<const void*>(array.address),
+                                               array.strides.y / bytes, array.strides.z / bytes});
     return Extractor(*pyramid).extract(query, mesh);
   });
 }

@@ -12,13 +12,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-def examples() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "PYTHON.md").read_text(), re.DOTALL)
+def examples(page: str = "PYTHON.md") -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(), re.DOTALL)
 
 
-def test_examples_run_in_their_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", ["PYTHON.md", "how-to/from-scikit-image.md"])
+def test_examples_run_in_their_order(page: str, tmp_path: Path) -> None:
     program = tmp_path / "examples.py"
-    program.write_text("\n".join(examples()))
+    program.write_text("\n".join(examples(page)))
     done = subprocess.run([sys.executable, program], cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
 

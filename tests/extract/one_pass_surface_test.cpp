@@ -1,4 +1,5 @@
-// Surfaces of volumes that have no pyramid, read once or in memory, against those of their pyramids.
+// Surfaces of volumes that have no pyramid, read once or in memory, against those of their
+// pyramids.
 #include "isobrick/extract/one_pass_surface.h"
 
 #include <gtest/gtest.h>
@@ -26,8 +27,7 @@ class BoxedSource final : public VolumeSource {
   std::string identity() const override { return "boxes"; }
   bool readsBoxes() const override { return true; }
   void readBox(const IndexBox& box, void* out) const override {
-    const auto all =
-        SampleBlock<T>::dense(values_.data(), {Index3(0), info_.voxels});
+    const auto all = SampleBlock<T>::dense(values_.data(), {Index3(0), info_.voxels});
     copyBox(all, box, static_cast<T*>(out), box);
   }
 
@@ -88,8 +88,9 @@ void testCase(RandomCase& random) {
       if (in_boxes) return std::make_unique<BoxedSource<T>>(info, values);
       return std::make_unique<ArraySource<T>>(dims, values, geometry);
     };
-    const auto slab = static_cast<std::uint64_t>(dims.x * dims.y * std::min<std::int64_t>(dims.z, 67)) *
-                      sizeof(T);
+    const auto slab =
+        static_cast<std::uint64_t>(dims.x * dims.y * std::min<std::int64_t>(dims.z, 67)) *
+        sizeof(T);
     options.memory_bytes = (random.chance(0.5) ? slab * 4 / 3 : slab * 4) + 8;
     if (in_boxes && random.chance(0.5))
       options.memory_bytes = 67 * 67 * 67 * sizeof(T) * 3 + 8;  // a brick at a time

@@ -31,18 +31,18 @@ class CacheCommandTest : public CommandTest {
   }
   // The pyramid of the volume; it is built if it is not there.
   std::string pyramidOf(const std::string& volume) {
-    runWell({"extract", volume, "--iso", "0"});
+    runWell({"extract", volume, "--iso", "0", "--level", "1"});
     return runForJson({"info", volume})["pyramid"].get<std::string>();
   }
 };
 
 TEST_F(CacheCommandTest, AVolumeIsTakenAsItsPyramid) {
-  runWell({"extract", "sphere.nrrd", "--iso", "0", "-o", "of_volume.ply"});
+  runWell({"extract", "sphere.nrrd", "--iso", "0", "--level", "1", "-o", "of_volume.ply"});
   EXPECT_FALSE(fs::exists(path("sphere.isb")));
   ASSERT_EQ(cached().size(), 1u);
   fs::create_directory(path("built"));
   runWell({"build", "sphere.nrrd", "-o", "built/s.isb"});
-  runWell({"extract", "built/s.isb", "--iso", "0", "-o", "of_pyramid.ply"});
+  runWell({"extract", "built/s.isb", "--iso", "0", "--level", "1", "-o", "of_pyramid.ply"});
   EXPECT_EQ(readBytes(path("of_volume.ply")), readBytes(path("of_pyramid.ply")));
   runWell({"render", "sphere.nrrd", "--iso", "0", "--size", "64x64", "-o", "of_volume.png"});
   runWell({"render", "built/s.isb", "--iso", "0", "--size", "64x64", "-o", "of_pyramid.png"});
@@ -59,8 +59,8 @@ TEST_F(CacheCommandTest, AVolumeIsTakenAsItsPyramid) {
                         "--rows", "isobrick", "--no-distances"})["rows"]
                 .size(),
             1u);
-  runWell(
-      {"extract", "phantom:torus:32", "--iso", "0", "--attribute", "sphere.nrrd", "-o", "t.ply"});
+  runWell({"extract", "phantom:torus:32", "--iso", "0", "--level", "1", "--attribute",
+           "sphere.nrrd", "-o", "t.ply"});
   EXPECT_EQ(cached().size(), 2u);
 }
 
@@ -77,7 +77,7 @@ TEST_F(CacheCommandTest, AVolumeIsFoundAgainUntilItChanges) {
   EXPECT_NE(pyramidOf("moved/ball.nrrd"), first);
   EXPECT_NE(pyramidOf("phantom:sphere:40"), first);
   // Another place in the world is another pyramid.
-  runWell({"extract", "moved/ball.nrrd", "--spacing", "2,3,4", "--iso", "0"});
+  runWell({"extract", "moved/ball.nrrd", "--spacing", "2,3,4", "--iso", "0", "--level", "1"});
   EXPECT_EQ(cached().size(), 4u);
 }
 
@@ -143,7 +143,7 @@ TEST_F(CacheCommandTest, LargeVolumesWantAFolderByName) {
   EXPECT_EQ(failure("1M").status, 0);
   EXPECT_EQ(failure("1000").status, 0);  // it is there
   // 8.6 GB; nothing of it is read.
-  expectFailure(1, {"extract", "phantom:sphere:2048", "--iso", "0", "-o", "a.ply"},
+  expectFailure(1, {"extract", "phantom:sphere:2048", "--iso", "0", "--level", "1", "-o", "a.ply"},
                 "'phantom:sphere:2048' has ");
 }
 
@@ -216,7 +216,8 @@ TEST_F(CacheCommandTest, WhatIsUsedIsKept) {
 TEST_F(CacheCommandTest, SeveralProcessesShareOne) {
   std::vector<pid_t> processes;
   for (int i = 0; i < 4; ++i)
-    processes.push_back(start({isobrickCommand(), "extract", "phantom:head:96", "--iso", "1324"}));
+    processes.push_back(
+        start({isobrickCommand(), "extract", "phantom:head:96", "--iso", "1324", "--level", "1"}));
   for (const pid_t process : processes) EXPECT_EQ(wait(process).status, 0);
   EXPECT_EQ(cached().size(), 1u);
 }
@@ -228,7 +229,8 @@ TEST_F(CacheCommandTest, WhatIsDamagedIsBuiltAgain) {
   EXPECT_EQ(pyramidOf("sphere.nrrd"), pyramid);
   EXPECT_EQ(fs::file_size(pyramid), whole.size());
   setenv("XDG_CACHE_HOME", path("sphere.nrrd").c_str(), 1);
-  expectFailure(1, {"extract", "sphere.nrrd", "--iso", "0", "-o", "a.ply"}, "XDG_CACHE_HOME");
+  expectFailure(1, {"extract", "sphere.nrrd", "--iso", "0", "--level", "1", "-o", "a.ply"},
+                "XDG_CACHE_HOME");
 }
 
 TEST_F(CacheCommandTest, AFileAloneIsOpenedInTheViewer) {

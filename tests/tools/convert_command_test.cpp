@@ -178,14 +178,14 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
                   "--dicom-float32 is for ");
     expectFailure(2, {command, "head.nii", "-o", "a.isb", "--select", "grid=density"},
                   "--select grid is for ");
-    for (const std::string choice : {"time=0", "channel=0"})
+    for (const std::string choice : {"time=1", "channel=1"})
       expectFailure(1, {command, "head.h5", "-o", "a.isb", "--select", choice}, "to choose");
     expectFailure(1, {command, "head.nii", "-o", "a.isb", "--select", "component=0"},
                   "cannot take");
     expectFailure(2, {command, "head.nii", "-o", "a.isb", "--select", "array=density"},
                   "--select array is for ");
     expectFailure(1, {command, "head.nrrd", "-o", "a.isb", "--select", "time=1"}, "no time steps");
-    expectFailure(1, {command, "head.nii", "-o", "a.isb", "--select", "channel=0"}, "cannot take");
+    expectFailure(1, {command, "head.nii", "-o", "a.isb", "--select", "channel=1"}, "cannot take");
     expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "time"}, "KEY=VALUE");
     expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "time=a"}, "'a'");
     expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "colour=1"}, "component");

@@ -15,7 +15,8 @@ class ExtractVolumeTest : public CommandTest {
     direct.insert(direct.end(), options.begin(), options.end());
     runWell(direct);
     EXPECT_FALSE(hasCache());
-    Words built = {"extract", "head.nrrd", "--cache-folder", "named", "-o", "built" + ending, "--force"};
+    Words built = {"extract", "head.nrrd",      "--cache-folder", "named",
+                   "-o",      "built" + ending, "--force"};
     built.insert(built.end(), options.begin(), options.end());
     runWell(built);
     EXPECT_TRUE(fs::exists(path("named")));
@@ -28,12 +29,18 @@ TEST_F(ExtractVolumeTest, IsWhatItIsOfThePyramid) {
   expectSame({"--iso", "500", "--box", "5,5,5,60,70,62"});
   expectSame({"--iso", "500", "--simplify", "0.5", "--drop-small"}, ".stl");
   expectSame({"--iso", "1324", "--keep-largest", "1", "--attribute", "component"}, ".glb");
-  expectSame({"--iso", "500", "--attribute", "head.nrrd", "--shift", "auto", "--cache-folder", "named"}, ".vtp");
-  expectSame({"--iso", "500", "--spacing", "1,2,3", "--memory", "3M"});
+  runWell({"build", "head.nrrd", "-o", "other.isb"});
+  expectSame({"--iso", "500", "--attribute", "other.isb", "--shift", "auto"}, ".vtp");
+  expectSame({"--iso", "500", "--spacing", "1,2,3"});
+  // A slab at a time; a pyramid takes 16 MiB.
+  runWell({"extract", "head.nrrd", "--iso", "500", "--spacing", "1,2,3", "--memory", "3M", "-o",
+           "small.ply"});
+  EXPECT_EQ(readBytes(path("small.ply")), readBytes(path("direct.ply")));
 }
 
 TEST_F(ExtractVolumeTest, SeveralSurfacesTakeOnePass) {
-  const Json json = runForJson({"extract", "head.nrrd", "--iso", "500,1324", "--components", "-o", "m.ply"});
+  const Json json =
+      runForJson({"extract", "head.nrrd", "--iso", "500,1324", "--components", "-o", "m.ply"});
   EXPECT_FALSE(hasCache());
   ASSERT_EQ(json["surfaces"].size(), 2u);
   for (const char* isovalue : {"500", "1324"}) {

@@ -34,7 +34,6 @@ class InputWords {
       throw UsageError(error.what());
     }
     options_.path = input.path;
-    refuseKnownMisfits(options_);
   }
   InputWords(const InputWords&) = delete;
 
@@ -100,8 +99,8 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
   std::vector<std::unique_ptr<ExtractedSurface>> surfaces;
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
-    surfaces.push_back(std::make_unique<ExtractedSurface>(arguments, stream.pyramid(), values,
-                                                          names[i], bar));
+    surfaces.push_back(
+        std::make_unique<ExtractedSurface>(arguments, stream.pyramid(), values, names[i], bar));
   }
   if (surfaces.front()->wantsComponents()) {
     streamSurfaces(stream, surfaces,
@@ -122,6 +121,11 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
 std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const Stopwatch watch;
   const InputWords words(arguments.query.input);
+  try {
+    refuseKnownMisfits(words.options());
+  } catch (const UsageError&) {
+    return std::nullopt;  // the build says it in words of this command
+  }
   const std::uint64_t memory_bytes = arguments.query.memory_bytes;
   const auto open = [&] { return openShowingProgress(words.options(), memory_bytes / 2); };
   std::unique_ptr<VolumeSource> source = open();
