@@ -224,10 +224,9 @@ float lowPassBesideMissing(const SampleBlock<float>& fine, const std::array<LowP
     const double sum = (at(tap.center - 1) + 2 * middle) + at(tap.center + 1);
     return sum != sum ? 4 * middle : sum;
   };
-  const auto& [x, y, z] = taps;
-  const double sum = filtered(x, [&](std::int64_t i) {
-    return filtered(y, [&](std::int64_t j) {
-      return filtered(z, [&](std::int64_t k) { return static_cast<double>(fine.at({i, j, k})); });
+  const double sum = filtered(taps[0], [&](std::int64_t i) {
+    return filtered(taps[1], [&](std::int64_t j) {
+      return filtered(taps[2], [&](std::int64_t k) { return static_cast<double>(fine.at({i, j, k})); });
     });
   });
   int shift = 0;
