@@ -42,7 +42,7 @@ class BrickStream::Run {
   const std::vector<std::string>& files() const { return files_; }
   const Pyramid& pyramid() const { return *pyramid_; }
   virtual void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) = 0;
-  virtual ValueRange readRange() const = 0;
+  virtual ValueRange range() = 0;
   std::vector<std::string> notes() const {
     std::vector<std::string> notes = info_.notes;
     for (std::string& note : source_->notesOfReading()) notes.push_back(std::move(note));
@@ -140,7 +140,7 @@ class BrickStream::TypedRun final : public Run {
         window_(std::make_shared<VoxelWindow<T>>(layout_)) {
     ValueRange values = rangeOfType<T>();
     if (!fits()) return;
-    if constexpr (std::is_same_v<T, float>) values = rangeOfAll();
+    if constexpr (std::is_same_v<T, float>) values = range();
     pyramid_ = std::make_unique<Pyramid>(info_.source, level0Spec(info_), values, window_);
   }
 
@@ -176,7 +176,10 @@ class BrickStream::TypedRun final : public Run {
     throwIfChanged();
   }
 
-  ValueRange readRange() const override { return window_->seenRange(); }
+  ValueRange range() override {
+    if (!range_) range_ = rangeOfAll();
+    return *range_;
+  }
 
  private:
   std::size_t bytesOfLargest(const BrickWindows& windows) const {
@@ -225,6 +228,7 @@ class BrickStream::TypedRun final : public Run {
 
   const std::shared_ptr<VoxelWindow<T>> window_;
   std::array<LargeBuffer, 2> buffers_;
+  std::optional<ValueRange> range_;  // of the whole volume, if it is known
   bool is_finite_ = false;
 };
 
@@ -245,7 +249,7 @@ const Pyramid& BrickStream::pyramid() const { return run_->pyramid(); }
 void BrickStream::run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) {
   run_->run(bricks, take);
 }
-ValueRange BrickStream::readRange() const { return run_->readRange(); }
+ValueRange BrickStream::range() { return run_->range(); }
 std::vector<std::string> BrickStream::notes() const { return run_->notes(); }
 
 }  // namespace isobrick

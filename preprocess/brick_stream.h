@@ -51,8 +51,9 @@ class BrickStream {
   // meanwhile, Cancelled, and what `take` throws.
   void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take);
 
-  // The least and the greatest voxel, as stored, of the bricks that were used.
-  ValueRange readRange() const;
+  // The least and the greatest voxel of the volume, as stored. Reads it once for that, unless it
+  // is float32. Throws what run() does.
+  ValueRange range();
   // Notes of opening and reading, a line each.
   std::vector<std::string> notes() const;
 

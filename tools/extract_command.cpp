@@ -59,7 +59,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     const NumberRun run = bricksOf(plan, share);
     surface.endMesh(extractor.execute(plan, run.first, run.count, sink));
   }
-  return surface.end(pyramid.valueRange());
+  return surface.end([&] { return pyramid.valueRange(); });
 }
 
 ExtractResults extract(ExtractArguments& arguments) {

@@ -156,7 +156,7 @@ void ExtractedSurface::endMesh(const ExtractionReport& report) {
   result_.vertices = to_file_ ? file_sink_->vertices() : counting_sink_.vertices();
 }
 
-ExtractResult ExtractedSurface::end(const ValueRange& range) {
+ExtractResult ExtractedSurface::end(const std::function<ValueRange()>& range_of) {
   result_.simplify = query_.simplify;
   DetailChoice finest;
   finest.uniform_level = query_.uniform_level;
@@ -166,8 +166,9 @@ ExtractResult ExtractedSurface::end(const ValueRange& range) {
     if (const std::string loss = file_sink_->loss(); !loss.empty())
       warnOfLosses(result_.output, {loss + "; give --shift auto, or write .ply"});
   if (values_ != nullptr) result_.vertices_outside = values_->outside() - outside_before_;
-  if (!warnOfEmptySurface(arguments_.query.input, isovalue_, pyramid_, range) &&
-      result_.report.triangles == 0 && !arguments_.part)
+  if (result_.report.triangles == 0 &&
+      !warnOfEmptySurface(arguments_.query.input, isovalue_, pyramid_, range_of()) &&
+      !arguments_.part)
     warnOfEmptyChoice(arguments_, result_);
   if (result_.vertices_outside > 0)
     fmt::print(stderr,

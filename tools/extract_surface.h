@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <glm/vec3.hpp>
 #include <memory>
 #include <optional>
@@ -74,8 +75,9 @@ class ExtractedSurface {
   TriangleSink& meshSink(bool to_file);
   void endMesh(const ExtractionReport& report);
 
-  // Warns of what the user should know. `range` is that of the voxels, as stored.
-  ExtractResult end(const ValueRange& range);
+  // Warns of what the user should know. `range_of` gives the range of the voxels, as stored; it is
+  // called if there are no triangles.
+  ExtractResult end(const std::function<ValueRange()>& range_of);
 
  private:
   TriangleSink& measured(TriangleSink& sink);

@@ -53,7 +53,8 @@ def isosurface(
     drop_small leaves out pieces within one brick whose box has a diagonal below that distance
     values     a pyramid: its values at the points become ``Mesh.values``
     indices    box and simplify are in voxel indices and voxels; otherwise in world units
-    memory     what is read of an array that does not lie in memory, at most: bytes, or a text such as '256M'
+    memory     what is read at a time of an array that is not used where it lies (other than numpy's u1, i1, u2, i2
+               and f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
     threads    0: all cores
 
     For several surfaces of one volume, or coarser ones, ``build`` a pyramid. An array that does not lie in memory as

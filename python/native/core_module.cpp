@@ -71,8 +71,8 @@ ExtractionReport streamInto(const OpenSource& open, std::uint64_t memory_bytes, 
   options.progress = [&](double fraction) { state.report("values", fraction); };
   BrickStream stream(std::move(options));
   if (!stream.fits())
-    throw Error("memory=" + std::to_string(memory_bytes >> 20) +
-                "M is too small to go through the array; give more");
+    throw Error("a memory of " + std::to_string(memory_bytes) +
+                " bytes is too small to go through the array a slab at a time; give more");
   OnePassSurface surface(stream.pyramid(), query, mesh);
   stream.run(finestBricksOf(stream.pyramid().layout(), query),
              [&](const IndexBox& bricks) { surface.mesh(bricks); });

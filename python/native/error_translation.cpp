@@ -23,7 +23,8 @@ const char* adviceOf(Remedy remedy) {
     case Remedy::kPack:
       return "give codec='zstd'";
     case Remedy::kReplaceNotFinite:
-      return "give nan_as, the value to put there, or mask_nan=True";
+      return "replace such voxels in the array, or give build() nan_as, the value to put there, or "
+             "mask_nan=True";
     case Remedy::kDescribeRawFile:
       return "give raw=isobrick.RawLayout(shape, dtype)";
     case Remedy::kCorrectRawLayout:

@@ -72,6 +72,12 @@ TEST_F(ExtractVolumeTest, FailsAsAPyramidDoes) {
   const Outcome empty = run({"extract", "head.nrrd", "--iso", "9000", "-o", "b.ply"});
   EXPECT_EQ(empty.status, 0);
   EXPECT_NE(empty.err.find("no surface at the isovalue 9000"), std::string::npos) << empty.err;
+  EXPECT_NE(empty.err.find(" are 0 to "), std::string::npos) << empty.err;
+  // Of the whole volume, though no voxel was looked at, or only some.
+  const Outcome far = run({"extract", "head.nrrd", "--iso", "1e30", "--cache-folder", "named"});
+  EXPECT_EQ(run({"extract", "head.nrrd", "--iso", "1e30"}).err, far.err);
+  const Outcome box = run({"extract", "head.nrrd", "--iso", "1324", "--box", "0,0,0,9,9,9"});
+  EXPECT_NE(box.err.find("in --box"), std::string::npos) << box.err;
   fs::resize_file(path("head.nrrd"), 100000);
   expectFailure(1, {"extract", "head.nrrd", "--iso", "500", "-o", "c.ply"}, "head.nrrd");
 }

@@ -111,7 +111,7 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
       stream, surfaces, [](ExtractedSurface& s) -> TriangleSink& { return s.meshSink(true); });
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
     surfaces[i]->endMesh(reports[i]);
-    results.surfaces.push_back(surfaces[i]->end(stream.readRange()));
+    results.surfaces.push_back(surfaces[i]->end([&] { return stream.range(); }));
   }
   return results;
 }
