@@ -226,7 +226,9 @@ float lowPassBesideMissing(const SampleBlock<float>& fine, const std::array<LowP
   };
   const double sum = filtered(taps[0], [&](std::int64_t i) {
     return filtered(taps[1], [&](std::int64_t j) {
-      return filtered(taps[2], [&](std::int64_t k) { return static_cast<double>(fine.at({i, j, k})); });
+      return filtered(taps[2], [&](std::int64_t k) {
+        return static_cast<double>(fine.at({i, j, k}));
+      });
     });
   });
   int shift = 0;

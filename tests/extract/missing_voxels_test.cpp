@@ -162,7 +162,8 @@ TEST(MissingVoxels, HaveNoSkinOnAnyLevelAndAroundAFocus) {
     const IndexedMesh mesh = meshOf(*pyramid, query);
     ASSERT_FALSE(mesh.triangles.empty());
     expectSound(mesh, kDims);
-    for (const glm::dvec3& p : mesh.positions) EXPECT_LE(p.x, static_cast<double>(kFirstMissing - 1));
+    for (const glm::dvec3& p : mesh.positions)
+      EXPECT_LE(p.x, static_cast<double>(kFirstMissing - 1));
     // The same without culling; simplified, with the border where it was.
     query.cull_by_ranges = false;
     EXPECT_EQ(trianglesOf(meshOf(*pyramid, query)), trianglesOf(mesh));
