@@ -39,15 +39,9 @@ class BrickStream::Run {
 
   bool fits() const { return planOf(allBricks()).has_value(); }
   const VolumeInfo& info() const { return info_; }
-  const std::vector<std::string>& files() const { return files_; }
   const Pyramid& pyramid() const { return *pyramid_; }
   virtual void run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) = 0;
   virtual ValueRange range() = 0;
-  std::vector<std::string> notes() const {
-    std::vector<std::string> notes = info_.notes;
-    for (std::string& note : source_->notesOfReading()) notes.push_back(std::move(note));
-    return notes;
-  }
 
  protected:
   // A source that is read in order is read from its beginning by a new one.
@@ -207,7 +201,7 @@ class BrickStream::TypedRun final : public Run {
     }
     read(rest, to);
     if constexpr (std::is_same_v<T, float>) {
-      if (!is_finite_)
+      if (!range_)  // otherwise a pass before this one did it
         requireFinite(SampleBlock<float>::dense(reinterpret_cast<const float*>(to), rest), info_);
     }
   }
@@ -222,14 +216,12 @@ class BrickStream::TypedRun final : public Run {
       done += static_cast<double>(bricks.size());
       if (options_.progress) options_.progress(done / static_cast<double>(all.size()));
     });
-    is_finite_ = true;
     return window_->seenRange();
   }
 
   const std::shared_ptr<VoxelWindow<T>> window_;
   std::array<LargeBuffer, 2> buffers_;
   std::optional<ValueRange> range_;  // of the whole volume, if it is known
-  bool is_finite_ = false;
 };
 
 BrickStream::BrickStream(BrickStreamOptions options) {
@@ -244,12 +236,10 @@ BrickStream::~BrickStream() = default;
 
 bool BrickStream::fits() const { return run_->fits(); }
 const VolumeInfo& BrickStream::info() const { return run_->info(); }
-std::vector<std::string> BrickStream::files() const { return run_->files(); }
 const Pyramid& BrickStream::pyramid() const { return run_->pyramid(); }
 void BrickStream::run(const IndexBox& bricks, const std::function<void(const IndexBox&)>& take) {
   run_->run(bricks, take);
 }
 ValueRange BrickStream::range() { return run_->range(); }
-std::vector<std::string> BrickStream::notes() const { return run_->notes(); }
 
 }  // namespace isobrick

@@ -39,8 +39,6 @@ class BrickStream {
   bool fits() const;
   // What the volume says of itself.
   const VolumeInfo& info() const;
-  // All files that it depends on: VolumeSource::files().
-  std::vector<std::string> files() const;
   // Level 0 alone, in bricks as a pyramid has them by default. Only bricks that are at hand may be
   // used: OnePassSurface does.
   const Pyramid& pyramid() const;
@@ -54,8 +52,6 @@ class BrickStream {
   // The least and the greatest voxel of the volume, as stored. Reads it once for that, unless it
   // is float32. Throws what run() does.
   ValueRange range();
-  // Notes of opening and reading, a line each.
-  std::vector<std::string> notes() const;
 
  private:
   class Run;

@@ -1,17 +1,14 @@
 #include "isobrick/preprocess/voxel_window.h"
 
 #include "isobrick/preprocess/kernels/tile_ranges.h"
+#include "isobrick/preprocess/pyramid_file_builder.h"
 
 namespace isobrick {
 
 PyramidSpec level0Spec(const VolumeInfo& info) {
-  PyramidSpec spec;
-  spec.voxels = info.voxels;
-  spec.voxel_type = info.voxel_type;
-  spec.geometry = info.geometry;
-  spec.values = info.values;
-  spec.has_curvature = false;
-  return spec;
+  BuildOptions options;
+  options.with_curvature = false;
+  return pyramidSpecOf(info, options);
 }
 
 template <typename T>

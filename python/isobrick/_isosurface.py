@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._arrays import ChunkReader, describe
 from ._build import _describe_array, _FileInput
-from ._errors import Error
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
 from ._pyramid import Pyramid
-from ._query import Detail, Triple, _QuerySettings
+from ._query import Detail, Triple, _QuerySettings, check_simplify, corners_of
 from ._sizes import DEFAULT_MEMORY, byte_size
 
 
@@ -61,13 +60,12 @@ def isosurface(
     float32 is read twice, once for the range of its values.
     """
     described = describe(volume)
-    if drop_small and simplify is None:
-        raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
+    check_simplify(simplify, drop_small)
     chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:
         settings = _QuerySettings(
-            float(level), Detail(), indices, (), _corners(box), simplify, drop_small,
+            float(level), Detail(), indices, (), corners_of(box), simplify, drop_small,
             None if values is None else values._handle, threads, tell, cancel,
         )  # fmt: skip
         if described.memory is not None:
@@ -86,13 +84,6 @@ def isosurface(
             )
         finally:
             reader.close()
-
-
-def _corners(box: Sequence[Sequence[float]] | None) -> tuple[Triple, Triple] | None:
-    if box is None:
-        return None
-    (ax, ay, az), (bx, by, bz) = box
-    return (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
 
 
 def marching_cubes(

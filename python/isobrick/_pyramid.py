@@ -18,7 +18,7 @@ from ._errors import Error
 from ._level import Level
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
-from ._query import Detail, ExtractReport, View, _QuerySettings, make_report
+from ._query import Detail, ExtractReport, View, _QuerySettings, check_simplify, corners_of, make_report
 from ._sizes import byte_size
 
 Triple = tuple[float, float, float]
@@ -415,14 +415,9 @@ class Pyramid:
         cancel: _core.Cancel | None,
         part: tuple[int, int] | None = None,
     ) -> _QuerySettings:
-        if drop_small and simplify is None:
-            raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
-        corners = None
-        if box is not None:
-            (ax, ay, az), (bx, by, bz) = box
-            corners = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
+        check_simplify(simplify, drop_small)
         return _QuerySettings(
-            self._isovalue(isovalue), detail, indices, or_finer, corners, simplify, drop_small,
+            self._isovalue(isovalue), detail, indices, or_finer, corners_of(box), simplify, drop_small,
             None if values is None else values._handle, threads, tell, cancel, part,
         )  # fmt: skip
 

@@ -72,6 +72,20 @@ class _QuerySettings:
     part: tuple[int, int] | None = None
 
 
+def corners_of(box: Sequence[Sequence[float]] | None) -> tuple[Triple, Triple] | None:
+    """The corners of a box, as a query has them."""
+    if box is None:
+        return None
+    (ax, ay, az), (bx, by, bz) = box
+    return (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
+
+
+def check_simplify(simplify: float | None, drop_small: bool) -> None:
+    """Raises Error for what goes only together."""
+    if drop_small and simplify is None:
+        raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
+
+
 @dataclass(frozen=True)
 class LevelCounts:
     """The result of an extraction for one level."""
