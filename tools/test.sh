@@ -9,7 +9,7 @@
 # With CI=true the presets are those of CI, which take warnings as errors.
 # Tests on scans run where the real volumes are (../shared/data); ISOBRICK_REQUIRE_DATA=1 makes it a failure
 # that they are not, ISOBRICK_REQUIRE_ALL=1 that anything else is skipped. ISOBRICK_REPETITIONS=N: random tests try
-# N percent of what they usually do; 30 in the first ring, 100 with CI=true (tools/nightly.sh: more).
+# N percent of what they usually do; 20 in the first ring, 100 with CI=true (tools/nightly.sh: more).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ci=
@@ -65,7 +65,7 @@ for step; do
   echo "== $step"
   case $step in
     behaviour)
-      [ -n "$ci" ] || export ISOBRICK_REPETITIONS=${ISOBRICK_REPETITIONS:-30}  # CI does all of them
+      [ -n "$ci" ] || export ISOBRICK_REPETITIONS=${ISOBRICK_REPETITIONS:-20}  # CI does all of them
       tools/install_packages.sh build test
       timed $step configure configure "$release"
       timed $step build build "$release" --target behaviour_tests

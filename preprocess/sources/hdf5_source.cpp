@@ -62,7 +62,7 @@ std::optional<StoredType> storedTypeOf(hid_t type) {
   return isobrick::storedTypeOf(H5Tget_sign(type) != H5T_SGN_NONE ? 'i' : 'u', bytes);
 }
 
-constexpr int kMostAxes = 8;
+constexpr int kMostHdf5Axes = 8;
 
 class Hdf5Source final : public VolumeSource {
  public:
@@ -161,7 +161,7 @@ class Hdf5Source final : public VolumeSource {
   void takeShape() {
     const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
     const int axes = space.isValid() ? H5Sget_simple_extent_ndims(space.id()) : -1;
-    if (axes < 3 || axes > kMostAxes)
+    if (axes < 3 || axes > kMostHdf5Axes)
       throw refused("its dataset has " + std::to_string(axes) +
                     " axes, and a volume has three; name another dataset");
     dims_.resize(static_cast<std::size_t>(axes));
@@ -217,8 +217,9 @@ class Hdf5Source final : public VolumeSource {
 
   void takeChunks() {
     constexpr std::uint64_t kMostChunkBytes = std::uint64_t{1} << 30;
-    if (layout_ != H5D_CHUNKED || H5Pget_chunk(creation_.id(), kMostAxes, chunk_voxels_.data()) !=
-                                      static_cast<int>(dims_.size()))
+    if (layout_ != H5D_CHUNKED ||
+        H5Pget_chunk(creation_.id(), kMostHdf5Axes, chunk_voxels_.data()) !=
+            static_cast<int>(dims_.size()))
       return;
     chunk_bytes_ = std::max<std::uint64_t>(H5Tget_size(type_.id()), 4);
     for (std::size_t i = 0; i < dims_.size(); ++i) {
@@ -370,7 +371,7 @@ class Hdf5Source final : public VolumeSource {
   Hdf5Axes axes_;
   std::vector<Hdf5Scale> scales_;  // empty, or of all axes
   std::vector<hsize_t> dims_, most_dims_;
-  std::array<hsize_t, kMostAxes> chunk_voxels_{};
+  std::array<hsize_t, kMostHdf5Axes> chunk_voxels_{};
   std::optional<StoredVoxels::Map> map_;
   hid_t memory_type_ = H5I_INVALID_HID;
   std::uint64_t chunk_bytes_ = 0;  // 0: not in chunks

@@ -12,7 +12,7 @@
 namespace isobrick {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 // Calls f(name, field) for each; `names` are those of the fields, with commas between them.
 template <typename F, typename... Values>
@@ -79,26 +79,26 @@ concept Fields = requires(T& value) {
 // ----------------------------------------------------------------------------------------- writing
 
 template <typename T>
-Json toJson(const T& value) {
+OrderedJson toJson(const T& value) {
   if constexpr (Enum<T>) {
     return std::string(namesOf(value)[static_cast<std::size_t>(value)]);
   } else if constexpr (Vector3<T>) {
-    return Json{value.x, value.y, value.z};
+    return OrderedJson{value.x, value.y, value.z};
   } else if constexpr (Fields<const T>) {
-    Json object = Json::object();
+    OrderedJson object = OrderedJson::object();
     forEachField(value,
                  [&](const std::string& name, const auto& field) { object[name] = toJson(field); });
     return object;
   } else if constexpr (requires { value.has_value(); }) {
-    return value ? toJson(*value) : Json(nullptr);
+    return value ? toJson(*value) : OrderedJson(nullptr);
   } else if constexpr (std::is_same_v<T, std::string>) {
-    return Json(value);
+    return OrderedJson(value);
   } else if constexpr (requires { value.begin(); }) {
-    Json list = Json::array();
+    OrderedJson list = OrderedJson::array();
     for (const auto& element : value) list.push_back(toJson(element));
     return list;
   } else {
-    return Json(value);
+    return OrderedJson(value);
   }
 }
 
@@ -109,10 +109,10 @@ Json toJson(const T& value) {
 }
 
 template <typename T>
-void fromJson(const Json& json, const std::string& where, T& value);
+void fromJson(const OrderedJson& json, const std::string& where, T& value);
 
 template <typename T>
-void listFromJson(const Json& json, const std::string& where, T& value) {
+void listFromJson(const OrderedJson& json, const std::string& where, T& value) {
   if (!json.is_array()) refuse(where, "is not a list");
   if constexpr (requires { value.resize(json.size()); }) {
     constexpr std::size_t kMost = 64;
@@ -126,7 +126,7 @@ void listFromJson(const Json& json, const std::string& where, T& value) {
 }
 
 template <typename T>
-void structFromJson(const Json& json, const std::string& where, T& value) {
+void structFromJson(const OrderedJson& json, const std::string& where, T& value) {
   if (!json.is_object()) refuse(where.empty() ? "view" : where, "is not an object");
   const std::string prefix = where.empty() ? "" : where + ".";
   std::size_t known = 0;
@@ -145,7 +145,7 @@ void structFromJson(const Json& json, const std::string& where, T& value) {
 }
 
 template <typename T>
-void fromJson(const Json& json, const std::string& where, T& value) {
+void fromJson(const OrderedJson& json, const std::string& where, T& value) {
   if constexpr (Enum<T>) {
     const auto names = namesOf(value);
     for (std::size_t i = 0; i < names.size(); ++i) {
@@ -215,15 +215,15 @@ void checkRanges(const ViewState& state) {
 }
 
 // Takes out what views of earlier builds have, and no view has now.
-void dropOldFields(Json& json) {
+void dropOldFields(OrderedJson& json) {
   if (!json.is_object()) return;
   for (const char* name : {"tolerance", "outlines"}) json.erase(name);
   const auto measurements = json.find("measurements");
   if (measurements == json.end() || !measurements->is_array()) return;
   // A distance over the surface has an isovalue. It goes: the straight one has another value.
-  std::erase_if(measurements->get_ref<Json::array_t&>(), [](Json& measurement) {
+  std::erase_if(measurements->get_ref<OrderedJson::array_t&>(), [](OrderedJson& measurement) {
     if (!measurement.is_object()) return false;
-    const bool is_over = !measurement.value("surface_isovalue", Json()).is_null();
+    const bool is_over = !measurement.value("surface_isovalue", OrderedJson()).is_null();
     measurement.erase("surface_isovalue");
     return is_over;
   });
@@ -233,11 +233,11 @@ void dropOldFields(Json& json) {
 
 std::string viewStateToJson(const ViewState& state) {
   // A path may be no UTF-8, but JSON is always UTF-8.
-  return toJson(state).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return toJson(state).dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 
 ViewState viewStateFromJson(const std::string& text) {
-  Json json = Json::parse(text, nullptr, false);
+  OrderedJson json = OrderedJson::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
   dropOldFields(json);
   ViewState state;

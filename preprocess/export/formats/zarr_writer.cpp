@@ -22,7 +22,7 @@ namespace {
 // Keys stay in the order in which they are put.
 using Json = nlohmann::ordered_json;
 
-constexpr std::int64_t kChunkVoxels = 64;
+constexpr std::int64_t kZarrChunkVoxels = 64;
 
 // Slowest axis first, as Zarr and OME have it.
 template <typename V>
@@ -42,7 +42,7 @@ std::string jsonText(const Json& json) {
 Json arrayMetadata(const VolumeInfo& info) {
   return {{"zarr_format", 2},
           {"shape", slowestFirst(info.voxels)},
-          {"chunks", slowestFirst(Index3(kChunkVoxels))},
+          {"chunks", slowestFirst(Index3(kZarrChunkVoxels))},
           {"dtype", typeName(info.voxel_type)},
           {"compressor",
            {{"id", "blosc"}, {"cname", "lz4"}, {"clevel", 5}, {"shuffle", 1}, {"blocksize", 0}}},
@@ -85,17 +85,17 @@ Json imageMetadata(const VolumeLevels& levels) {
 template <typename T>
 bool fillChunk(const VolumeSource& source, const Index3& first, std::vector<T>& chunk,
                std::vector<T>& inside) {
-  const Index3 count = glm::min(Index3(kChunkVoxels), source.info().voxels - first);
+  const Index3 count = glm::min(Index3(kZarrChunkVoxels), source.info().voxels - first);
   const IndexBox box{first, count};
-  const bool is_whole = count == Index3(kChunkVoxels);
+  const bool is_whole = count == Index3(kZarrChunkVoxels);
   std::vector<T>& to = is_whole ? chunk : inside;
   to.resize(static_cast<std::size_t>(box.size()));
   source.readBox(box, to.data());
   const bool is_empty = std::all_of(to.begin(), to.end(), [](T v) { return v == T{}; });
   if (is_whole || is_empty) return !is_empty;
-  chunk.assign(static_cast<std::size_t>(kChunkVoxels * kChunkVoxels * kChunkVoxels), T{});
+  chunk.assign(static_cast<std::size_t>(kZarrChunkVoxels * kChunkVoxels * kChunkVoxels), T{});
   copyBox(SampleBlock<T>::dense(inside.data(), box), box, chunk.data(),
-          {first, Index3(kChunkVoxels)});
+          {first, Index3(kZarrChunkVoxels)});
   return true;
 }
 
@@ -108,7 +108,7 @@ class LevelWriter {
   // Calls `tick` with the share that is done, by one thread at a time. Returns the bytes written.
   std::uint64_t write(const std::function<void(double)>& tick) {
     const VolumeInfo& info = source_.info();
-    const Index3 chunks = BrickLayout::ceilDivide(info.voxels, kChunkVoxels);
+    const Index3 chunks = BrickLayout::ceilDivide(info.voxels, kZarrChunkVoxels);
     folder_.makeFolder(name_);
     writeText(".zarray", jsonText(arrayMetadata(info)));
     std::mutex mutex;
@@ -123,7 +123,7 @@ class LevelWriter {
         std::vector<T> chunk, inside;
         for (std::int64_t x = 0; x < chunks.x; ++x) {
           checkCancel(options_);
-          if (!fillChunk(source_, Index3(x, y, z) * kChunkVoxels, chunk, inside)) continue;
+          if (!fillChunk(source_, Index3(x, y, z) * kZarrChunkVoxels, chunk, inside)) continue;
           if (!has_folder) folder_.makeFolder(name_ + "/" + folder);
           has_folder = true;
           writeChunk(folder + "/" + std::to_string(x), chunk.data(), chunk.size() * sizeof(T),

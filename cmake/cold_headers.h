@@ -1,0 +1,6 @@
+// The same, and JSON.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "hot_headers.h"
