@@ -9,6 +9,9 @@
 namespace isobrick {
 namespace {
 
+// Level 1 is within half a voxel of level 0: what is farther serves queries of no use (rho < 3).
+constexpr std::uint8_t kMostUsefulCode = DeviationCode::encodeUp(0.5f);
+
 // How many samples of a block have each code, for every part of its range.
 class BlockSamples {
  public:
@@ -122,6 +125,7 @@ void brickCurvature(const BrickLayout& layout, const Index3& brick, const Sample
   const std::int64_t edge = layout.curvatureCells();
   codes.assign(static_cast<std::size_t>(kDeviationCoefficients * elementCount(blocks)), 0);
   if (coarse.data == nullptr) return;
+  bool has_contrast = false, is_any_useful = false;
   std::uint8_t* to = codes.data();
   forEachIndex({Index3(0), blocks}, [&](const Index3& at) {
     const ValueRange range = curvatureBlockRange(layout, brick, tiles, at);
@@ -136,9 +140,14 @@ void brickCurvature(const BrickLayout& layout, const Index3& brick, const Sample
                              glm::min(Index3(2), end - std::int64_t{2} * cell), block);
                    });
       block.store(to);
+      has_contrast = true;
+      is_any_useful =
+          is_any_useful || std::any_of(to, to + kDeviationCoefficients,
+                                       [](std::uint8_t code) { return code <= kMostUsefulCode; });
     }
     to += kDeviationCoefficients;
   });
+  if (has_contrast && !is_any_useful) codes.clear();
 }
 
 #define ISOBRICK_INSTANTIATE(T)                                                               \

@@ -17,7 +17,8 @@ namespace isobrick {
 // (layout.brickTiles, x fastest) and hold all of these. Without `coarse`, as in a volume of one
 // level, the codes are 0. Samples where the gradient of level 1 is
 // below `epsilon` times the block's range per voxel do not count. `codes` is resized; its contents
-// do not matter. Thread-safe.
+// do not matter. It is left empty if the brick has nothing to gain: level 1 is more than half a
+// voxel away in every block of several values, at each of these. Thread-safe.
 template <typename T>
 void brickCurvature(const BrickLayout& layout, const Index3& brick, const SampleBlock<T>& samples,
                     const SampleBlock<T>& coarse, std::span<const ValueRange> tiles, double epsilon,

@@ -155,6 +155,7 @@ class Build : LevelInput<T> {
     if (options_.cancel != nullptr) options_.cancel->check();
     report_.replaced_voxels = counts_.replaced;
     report_.missing_voxels = counts_.missing;
+    report_.has_curvature = writer_.hasCurvature();
     if (counts_.missing == static_cast<std::uint64_t>(elementCount(spec_.voxels)))
       throw Error("'" + source_.info().source + "' has no voxel with data: all are NaN",
                   {.path = source_.info().source});

@@ -22,7 +22,7 @@ using BuildProgress = std::function<void(std::string_view phase, double fraction
 // pyramids and unfinished builds of an older program are built anew. Raise it with every change
 // after which the same input and options give other bytes: in a kernel, in the packing, in how a
 // source reads its file, in the order of the file. Never raise it for a release alone.
-inline constexpr int kBuildAlgorithm = 3;
+inline constexpr int kBuildAlgorithm = 4;
 
 // A coarse version of the slices that a build has read so far: an ordinary pyramid of the first
 // sample in every `step` along each axis, in the volume's place in the world, with all complete
@@ -98,6 +98,9 @@ struct BuildReport {
   std::uint64_t bricks_resumed = 0;   // taken over from an earlier build
   std::uint64_t replaced_voxels = 0;  // by nan_as
   std::uint64_t missing_voxels = 0;   // without data: BuildOptions::mask_nan
+  // Whether any brick stores bounds of the curvature: those that have nothing to gain do not, as in
+  // noise, where level 1 is nowhere within half a voxel of level 0.
+  bool has_curvature = false;
 };
 
 // Reads `source` to its end and writes a pyramid to `path`, which appears only when it is complete

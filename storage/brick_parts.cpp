@@ -26,8 +26,10 @@ std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, Part
 
 namespace {
 
-bool isAbsent(PartKind kind, const PyramidSpec& spec, int level) {
-  return kind == PartKind::kCurvature && (level > 0 || !spec.has_curvature);
+// Curvature: of level 0 alone, and of none of its bricks that have nothing to gain by it.
+bool mayBeAbsent(PartKind kind) { return kind == PartKind::kCurvature; }
+bool mayBeStored(PartKind kind, const PyramidSpec& spec, int level) {
+  return kind != PartKind::kCurvature || (level == 0 && spec.has_curvature);
 }
 
 }  // namespace
@@ -35,14 +37,14 @@ bool isAbsent(PartKind kind, const PyramidSpec& spec, int level) {
 bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                     PartKind kind, int level, const Index3& brick) {
   const format::PartEntry& part = row.part(kind);
-  const bool is_absent = isAbsent(kind, spec, level);
+  const bool may_be_stored = mayBeStored(kind, spec, level);
   const auto codec = static_cast<format::Codec>(part.codec);
   switch (codec) {
     case format::Codec::kConstant:
     case format::Codec::kAbsent:
       // Constant ranges are those of constant samples.
-      return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
-             part.offset == 0 &&
+      return (codec == format::Codec::kAbsent ? mayBeAbsent(kind) : may_be_stored) &&
+             part.stored_bytes == 0 && part.offset == 0 &&
              (kind != PartKind::kRanges || row.part(PartKind::kSamples).codec == part.codec);
     case format::Codec::kStored:
     case format::Codec::kLz4:
@@ -52,7 +54,7 @@ bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLay
                                      ? part.stored_bytes == elements
                                      : part.stored_bytes > 0 && part.stored_bytes < elements &&
                                            elements <= kMostPackedBytes;
-      return !is_absent && is_size_right && part.offset % format::kPartAlignment == 0;
+      return may_be_stored && is_size_right && part.offset % format::kPartAlignment == 0;
     }
   }
   return false;

@@ -22,7 +22,7 @@ enum class Filter : std::uint32_t {
 enum class Codec : std::uint32_t {
   kStored = 0,    // the bytes themselves
   kConstant = 1,  // no bytes: samples and ranges all have the brick's constant, curvature is 0
-  kAbsent = 2,    // no bytes: the part was not made, such as the curvature of coarser levels
+  kAbsent = 2,    // no bytes: the part was not made: the curvature of coarser levels, or of no use
   kLz4 = 3,       // a Blosc buffer, packed with LZ4
   kZstd = 4,      // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
 };

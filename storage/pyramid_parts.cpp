@@ -208,8 +208,10 @@ void PyramidParts::curvature(const Index3& brick, std::vector<std::uint8_t>& out
   if (!spec().has_curvature) return;
   const auto count = static_cast<std::size_t>(kDeviationCoefficients *
                                               elementCount(layout().brickCurvatureBlocks(brick)));
-  if (storedBytes(kCurvature, 0, brick) == 0) {
-    out.assign(count, 0);
+  const format::PartEntry entry = brickRowOf(0, brick).part(kCurvature);
+  if (entry.stored_bytes == 0) {
+    const bool is_absent = entry.codec == static_cast<std::uint32_t>(format::Codec::kAbsent);
+    out.assign(count, is_absent ? std::uint8_t{255} : std::uint8_t{0});
     return;
   }
   const BrickPart part = acquire(kCurvature, 0, brick, cancel);

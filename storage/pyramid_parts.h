@@ -90,8 +90,8 @@ class PyramidParts {
   void crossedTiles(int level, const Index3& brick, float isovalue, std::vector<std::uint8_t>& out,
                     const CancelFlag* cancel = nullptr) const;
   // kDeviationCoefficients codes (DeviationCode) for each of layout().brickCurvatureBlocks(brick)
-  // of a brick of level 0, x fastest; over the range of the block's tiles. Empty if the pyramid has
-  // none. `out` is resized.
+  // of a brick of level 0, x fastest; over the range of the block's tiles. All are 255, infinity,
+  // if the brick has nothing to gain, and `out` is empty if the pyramid has none. It is resized.
   void curvature(const Index3& brick, std::vector<std::uint8_t>& out,
                  const CancelFlag* cancel = nullptr) const;
 

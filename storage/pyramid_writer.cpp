@@ -284,6 +284,16 @@ void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes
                          {Remedy::kBeginAnew});
 }
 
+bool PyramidWriter::hasCurvature() const {
+  const auto isOf = [](const format::PartEntry& part, format::Codec codec) {
+    return part.codec == static_cast<std::uint32_t>(codec);
+  };
+  return std::any_of(brick_table_.begin(), brick_table_.end(), [&](const BrickRow& row) {
+    return !isOf(row.part(PartKind::kCurvature), format::Codec::kAbsent) &&
+           !isOf(row.part(PartKind::kSamples), format::Codec::kConstant);
+  });
+}
+
 // The kinds that bricks of this pyramid may have.
 std::vector<PartKind> PyramidWriter::kinds() const {
   std::vector<PartKind> kinds = {PartKind::kSamples, PartKind::kRanges};

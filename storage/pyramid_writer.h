@@ -50,6 +50,9 @@ class PyramidWriter {
   std::uint64_t bricksResumed() const { return bricks_resumed_; }
   std::uint64_t bricksWritten() const { return bricks_written_; }
   std::uint64_t bytesWritten() const { return end_; }
+  // Whether any of the bricks written, or taken over, has bounds of the curvature, and surfaces
+  // that they could be of.
+  bool hasCurvature() const;
 
   // Free bytes of the file system, or nothing if it cannot tell.
   std::optional<std::uint64_t> freeBytes() const { return file_.freeBytes(); }

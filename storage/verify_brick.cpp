@@ -44,7 +44,8 @@ class BrickVerifier {
     std::vector<ValueRange>& ranges = values.stated;
     pyramid_.tileRanges(level, brick, ranges);
     std::vector<std::uint8_t> codes;
-    if (level == 0) pyramid_.curvature(brick, codes);
+    if (level == 0 && pyramid_.storedBytes(PartKind::kCurvature, level, brick) > 0)
+      pyramid_.curvature(brick, codes);
     if (hasStrayFields(level, brick)) return "a field that nothing uses is not zero";
     if (!arePossible(samples)) return "a sample is not a finite number";
     std::vector<ValueRange>& seen = values.seen;

@@ -105,6 +105,8 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
       report = buildPyramid(*source, request.out, options);
     info = source->info();
     notes = info.notes;
+    if (options.with_curvature && !report.has_curvature && !request.super_brick)
+      notes.push_back(noteOfNoCurvature());
     for (std::string& note : source->notesOfReading()) notes.push_back(std::move(note));
   });
   std::map<std::string, double> busy;

@@ -105,6 +105,7 @@ Field ball(const glm::dvec3& center, double radius) {
 
 struct BoundedVolume {
   PlainPyramid pyramid;
+  BuildReport report = {};
 
   // By the index of the sample in its level.
   double sample(int level, const PlainIndex& at) const {
@@ -130,20 +131,22 @@ BoundedVolume makeVolume(const Index3& dims, VoxelType type, const Field& field,
   options.brick_cells = brick_cells;
   options.tile_cells = tile_cells;
   const std::string path = folder.file("volume.isb");
+  BuildReport report;
   visitVoxelType(type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     // The field is copied because those of noise have a state.
     ArraySource<T> source(
         dims, arrayOfField<T>(dims, [field](const Index3& at) { return field(glm::dvec3(at)); }));
-    buildPyramid(source, path, options);
+    report = buildPyramid(source, path, options);
   });
-  return {readPlainPyramid(path)};
+  return {readPlainPyramid(path), report};
 }
 
 struct Block {
   PlainIndex first{}, end{};  // cells of level 0
   PlainRange range;
   const std::uint8_t* codes = nullptr;
+  bool is_stored = false;  // else they are 255, since there is nothing to gain in the brick
 };
 
 void forAllBlocks(const BoundedVolume& volume, const std::function<void(const Block&)>& f) {
@@ -162,6 +165,7 @@ void forAllBlocks(const BoundedVolume& volume, const std::function<void(const Bl
           }
           block.range = plainBlockRange(volume.pyramid, brick, b);
           block.codes = codes;
+          block.is_stored = brick.parts[2].codec != 2;
           f(block);
         }
   }
@@ -272,6 +276,10 @@ TEST(CurvatureBound, IsTheSmallestCodeThatThreeQuartersOfTheSamplesKeep) {
                  static_cast<double>(all.size());
         };
         const std::uint8_t code = block.codes[part];
+        if (!block.is_stored) {
+          ASSERT_LT(share(0.5 * (1 - 1e-4)), 0.75) << c.name;
+          continue;
+        }
         ASSERT_GE(share(plainDeviationOfCode(code) * (1 + 1e-4) + 1e-6), 0.75) << c.name;
         if (code == 0) continue;
         const auto less = static_cast<std::uint8_t>(code == 255 ? DeviationCode::kMost : code - 1);
@@ -333,6 +341,7 @@ TEST(CurvatureBound, RangesThatOverflowAreNotFlat) {
   });
   forAllBlocks(volume, [](const Block& block) {
     for (int part = 0; part < 8; ++part) EXPECT_EQ(block.codes[part], 255);
+    EXPECT_FALSE(block.is_stored);
   });
 }
 
@@ -344,6 +353,28 @@ TEST(CurvatureBound, LinearFieldsAndVolumesOfOneLevelAreFlat) {
       for (int part = 0; part < 8; ++part) ASSERT_LE(block.codes[part], 1);  // of rounding
     });
   }
+}
+
+// A brick of which no part is within half a voxel stores nothing, and the others all of theirs.
+TEST(CurvatureBound, IsNotStoredWhereThereIsNothingToGain) {
+  const Field noise = whiteNoise(0, 256);
+  const BoundedVolume all = makeVolume(Index3(40), VoxelType::kUint8, noise);
+  EXPECT_FALSE(all.report.has_curvature);
+  forAllBlocks(all, [](const Block& block) { EXPECT_FALSE(block.is_stored); });
+
+  const BoundedVolume half =
+      makeVolume(Index3(65, 33, 33), VoxelType::kUint8,
+                 [&](const glm::dvec3& p) { return p.x > 32 ? noise(p) : 2 * p.x + p.y; });
+  EXPECT_TRUE(half.report.has_curvature);
+  int bricks = 0, stored = 0;
+  for (const PlainBrick& brick : half.pyramid.bricks) {
+    if (brick.level > 0) continue;
+    ++bricks;
+    stored += brick.parts[2].codec != 2;
+    EXPECT_EQ(brick.parts[2].codec != 2, brick.first_cell[0] < 32) << brick.first_cell[0];
+  }
+  EXPECT_EQ(bricks, 16);
+  EXPECT_EQ(stored, 8);
 }
 
 // What `--curvature-radius` says: a sphere is as flat as itself, and not twice as flat.

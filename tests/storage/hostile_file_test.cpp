@@ -272,7 +272,6 @@ TEST(HostileFile, SealedBrickRowsThatContradictThemselvesAreFound) {
         {"unknown codec", constant, 20, 5, 4},
         {"unknown codec of stored bytes", stored, 20, 0xffffffff, 4},
         {"absent ranges", constant, 44, 2, 4},
-        {"absent curvature", constant, 68, 2, 4},
         {"range NaN", constant, 72, bits(std::nanf("")), 4},
         {"range reversed", stored, 72, bits(30000), 4},
         {"range too narrow", stored, 76, bits(-100), 4},

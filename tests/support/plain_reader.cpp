@@ -230,20 +230,23 @@ std::uint64_t readLevels(FileBytes& file, PlainPyramid& p) {
   return rows;
 }
 
-PlainPart readPart(FileBytes& file, std::uint64_t at, std::int64_t expected_bytes, bool present,
-                   bool is_samples) {
+enum class Presence { kNever, kAlways, kMayBe };
+
+PlainPart readPart(FileBytes& file, std::uint64_t at, std::int64_t expected_bytes,
+                   Presence presence, bool is_samples) {
   PlainPart part;
   part.offset = file.u64(at);
   part.checksum = file.u64(at + 8);
   part.stored_bytes = file.u32(at + 16);
   part.codec = file.u32(at + 20);
   if (part.codec == 1 || part.codec == 2) {
-    require(part.codec == (present ? 1u : 2u), "codec");
+    require(presence == Presence::kMayBe || (part.codec == 1) == (presence == Presence::kAlways),
+            "codec");
     require(part.offset == 0 && part.stored_bytes == 0 && part.checksum == 0, "an empty part");
     return part;
   }
   require(part.codec == 0 || part.codec == 3 || part.codec == 4, "unknown codec");
-  require(present, "a part that should be absent");
+  require(presence != Presence::kNever, "a part that should be absent");
   const bool is_stored = part.codec == 0;
   require(is_stored ? static_cast<std::int64_t>(part.stored_bytes) == expected_bytes
                     : part.stored_bytes > 0 && part.stored_bytes < expected_bytes,
@@ -295,7 +298,7 @@ std::vector<std::uint8_t> elementsOf(const FileBytes& file, const PlainPart& par
 
 bool hasBytes(const PlainPart& part) { return part.stored_bytes > 0; }
 
-void readElements(const FileBytes& file, std::uint32_t voxel_type, float constant,
+void readElements(const FileBytes& file, std::uint32_t voxel_type, float constant, bool has_codes,
                   PlainBrick& brick) {
   const std::int64_t voxel = kVoxelSizes[voxel_type];
   const std::int64_t samples = product(brick.count), tiles = product(brick.tiles);
@@ -314,8 +317,8 @@ void readElements(const FileBytes& file, std::uint32_t voxel_type, float constan
       brick.tile_ranges[i] = {voxelAt(pair, voxel_type), voxelAt(pair + voxel, voxel_type)};
     }
   }
-  if (brick.parts[2].codec == 2) return;
-  brick.codes.assign(static_cast<std::size_t>(codes), 0);
+  if (!has_codes) return;
+  brick.codes.assign(static_cast<std::size_t>(codes), brick.parts[2].codec == 2 ? 255 : 0);
   if (hasBytes(brick.parts[2])) brick.codes = elementsOf(file, brick.parts[2], codes);
 }
 
@@ -342,7 +345,11 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
     require(kind < 5, "a kind that this reader does not know");
     const std::size_t part = kind == 4 ? 2 : kind;
     if (kind != 2 && kind != 3)
-      brick.parts[part] = readPart(file, at, bytes[part], part < 2 || level == 0, part == 0);
+      brick.parts[part] = readPart(file, at, bytes[part],
+                                   part < 2     ? Presence::kAlways
+                                   : level == 0 ? Presence::kMayBe
+                                                : Presence::kNever,
+                                   part == 0);
     else if (file.u32(at + 16) > 0)  // section 9: passed over
       file.checkHash(file.u64(at), file.u32(at + 16), file.u64(at + 8), "a part of an older kind");
     at += 24;
@@ -362,7 +369,7 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
             "constant of a brick");
   else
     require(brick.parts[1].codec != 1, "constant ranges of samples that are not");
-  readElements(file, p.voxel_type, constant, brick);
+  readElements(file, p.voxel_type, constant, p.has_curvature && level == 0, brick);
   for (const PlainRange& range : brick.tile_ranges)
     require(isNone(range) || (range.min <= range.max && range.min >= brick.range.min &&
                               range.max <= brick.range.max),
@@ -384,7 +391,7 @@ std::int64_t binOfValue(double value, std::uint32_t voxel_type) {
 void readHistogram(FileBytes& file, PlainPyramid& p) {
   const std::int64_t bins =
       binOfValue(p.value_max, p.voxel_type) - binOfValue(p.value_min, p.voxel_type) + 1;
-  const PlainPart part = readPart(file, 272, 8 * bins, true, false);
+  const PlainPart part = readPart(file, 272, 8 * bins, Presence::kAlways, false);
   const std::vector<std::uint8_t> elements = elementsOf(file, part, 8 * bins);
   std::uint64_t voxels = 0;
   for (std::size_t at = 0; at < elements.size(); at += 8) {
@@ -405,7 +412,7 @@ void readGradients(FileBytes& file, PlainPyramid& p) {
   const std::int64_t parts = std::clamp<std::int64_t>(product(p.dims) / 64, 16, 256);
   const std::int64_t bytes = 4 * (8 + 6 * parts);
   const std::vector<std::uint8_t> elements =
-      elementsOf(file, readPart(file, 368, bytes, true, false), bytes);
+      elementsOf(file, readPart(file, 368, bytes, Presence::kAlways, false), bytes);
   for (std::size_t at = 0; at < elements.size(); at += 4)
     p.gradients.push_back(voxelAt(&elements[at], 4));
   for (std::size_t i = 0; i < p.gradients.size(); ++i)

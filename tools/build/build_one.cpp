@@ -151,6 +151,8 @@ BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
                                              *settings.options.nan_as));
   if (built.report.missing_voxels > 0)
     built.volume.notes.push_back(noteOfMissing(built.report.missing_voxels));
+  if (settings.options.with_curvature && !built.report.has_curvature && !built.skipped)
+    built.volume.notes.push_back(noteOfNoCurvature());
   takeNoteOfPyramid(settings.options, built);
   built.seconds = watch.seconds();
   return built;
