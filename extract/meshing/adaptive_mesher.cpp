@@ -7,7 +7,6 @@
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/marching_cubes_table.h"
 #include "isobrick/extract/meshing/brick_vertices.h"
-#include "isobrick/extract/meshing/fans.h"
 #include "isobrick/extract/meshing/missing_vertex.h"
 #include "isobrick/extract/meshing/shared_vertices.h"
 #include "isobrick/extract/meshing/transition_face.h"
@@ -221,18 +220,25 @@ class AdaptiveMesher::Brick {
       addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, values), context_.isovalue,
                         numberOf, makeVertex, contour);
     }
-    const bool is_closed = forEachLoop(contour, [&](const ContourLoop& loop) {
-      if (const auto hub = hubOf(loop)) {
-        addFan(context_.frame, loop, *hub, batch_);
-      } else {
-        vertices_.flush();
-        addCenteredFan(context_.frame, centerOf(fan.cell), loop, batch_);
-      }
-    });
-    if (!is_closed) failMissingVertex(context_, work_);
+    SeveralFans& fans = memory_.fans_;
+    fans.clear();
+    if (!forEachLoop(contour, [&](const ContourLoop& loop) { fans.add(loop); }))
+      failMissingVertex(context_, work_);
+    if (fans.loops() == 1)
+      if (const auto hub = hubOf(fans.loop(0)))
+        return addFan(context_.frame, fans.loop(0), *hub, batch_);
+    vertices_.flush();
+    if (fans.loops() == 1)
+      addCenteredFan(context_.frame, centerOf(fan.cell), fans.loop(0), batch_);
+    else
+      fans.append(context_.frame, cornerOf(fan.cell), centerOf(fan.cell), batch_);
   }
 
   // Of a cell, counted like positions.
+  glm::dvec3 cornerOf(const Index3& cell) const {
+    return glm::dvec3(lattice_.position(level_, cell)) - glm::dvec3(batch_.origin);
+  }
+
   glm::dvec3 centerOf(const Index3& cell) const {
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));

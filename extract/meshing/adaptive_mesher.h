@@ -5,6 +5,7 @@
 #include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
 #include "isobrick/extract/meshing/crossed_tiles.h"
+#include "isobrick/extract/meshing/fans.h"
 #include "isobrick/extract/meshing/transition_corners.h"
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
@@ -35,6 +36,7 @@ class AdaptiveMesher {
   BrickCells cells_;
   TransitionCorners corners_;
   std::vector<FanCell> fan_cells_;
+  SeveralFans fans_;
   EdgeQueue edges_;
 };
 

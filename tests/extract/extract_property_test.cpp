@@ -156,10 +156,7 @@ void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, See
     ASSERT_TRUE(check.ok()) << check.summary();
     const ReferenceMesh reference = referenceMesh(reference_pyramid, leaves, query.isovalue);
     expectSameMesh(sink.mesh(), reference, report);
-    // Two fans of a cell may cross: tests/extract/meshing/fans_test.cpp.
-    if (reference.transitionCellCount() == 0) {
-      ASSERT_TRUE(crossingTriangles(sink.mesh().positions, sink.mesh().triangles).empty());
-    }
+    ASSERT_TRUE(crossingTriangles(sink.mesh().positions, sink.mesh().triangles).empty());
     if (testing::Test::HasFatalFailure()) return;
     ASSERT_TRUE(auditLeafLevels(reference.leaves).empty());
     expectSameLeaves(pyramid, query, reference.leaves);

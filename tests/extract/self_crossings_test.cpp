@@ -1,6 +1,6 @@
 // Crossings within a batch against the tests' own search, on random triangles of few places, which
 // touch, lie on each other and vanish.
-#include "isobrick/extract/simplify/self_crossings.h"
+#include "isobrick/extract/self_crossings.h"
 
 #include <gtest/gtest.h>
 

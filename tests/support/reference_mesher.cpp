@@ -12,6 +12,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "tests/support/crossing_triangles.h"
+
 namespace isobrick::test {
 
 namespace {
@@ -130,16 +132,17 @@ class LoopTriangulator {
   const Loop& loop_;
 };
 
-// A point of the loop from which diagonals to all others lead through the cell, or the loop's size:
-// no two points of a diagonal are on one face of the cell (rule 10).
-std::size_t hubOf(const Loop& loop) {
+// The points of the loop from which diagonals to all others lead through the cell: no two points of
+// a diagonal are on one face of the cell (rule 10).
+std::vector<std::size_t> hubsOf(const Loop& loop) {
+  std::vector<std::size_t> hubs;
   for (std::size_t hub = 0; hub < loop.size(); ++hub) {
     std::size_t others = 0;
     for (const LoopPoint& point : loop) others += (point.faces & loop[hub].faces) == 0;
     // The others are the point itself and the two beside it, which are on its faces.
-    if (others + 3 == loop.size()) return hub;
+    if (others + 3 == loop.size()) hubs.push_back(hub);
   }
-  return loop.size();
+  return hubs;
 }
 
 class Mesher {
@@ -173,6 +176,7 @@ class Mesher {
   void addFace(const LeafBox& leaf, int axis, int side, int level);
   void addSubFace(const Index3& lower, const Index3& upper, int axis, int side, int level);
   std::vector<Loop> takeLoops();
+  std::vector<std::size_t> hubsApart(const std::vector<Loop>& loops) const;
   bool isBesideMissing(const LeafBox& leaf) const;
   void meshLeaf(const LeafBox& leaf);
   void emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::uint32_t c);
@@ -497,6 +501,54 @@ bool Mesher::isBesideMissing(const LeafBox& leaf) const {
   return is_any;
 }
 
+// For every loop the point that its fan is around, or the loop's size for its centre: the first
+// hub, unless fans of two loops cross; then any hubs with which they do not, and as few centres in
+// place of hubs as possible.
+std::vector<std::size_t> Mesher::hubsApart(const std::vector<Loop>& loops) const {
+  std::vector<std::vector<std::size_t>> choices;
+  for (const Loop& loop : loops) {
+    choices.push_back(hubsOf(loop));
+    choices.back().push_back(loop.size());
+  }
+  std::vector<std::size_t> first, best;
+  std::size_t best_centres = loops.size() + 1;
+  // Choice number n has its digits in the mixed base of the sizes.
+  std::size_t all = 1;
+  for (const auto& of_loop : choices) all *= of_loop.size();
+  for (std::size_t n = 0; n < all; ++n) {
+    std::vector<std::size_t> hubs;
+    std::vector<glm::dvec3> positions;
+    std::vector<std::uint32_t> triangles;
+    std::size_t rest = n, centres = 0;
+    for (std::size_t l = 0; l < loops.size(); ++l) {
+      const std::size_t size = loops[l].size();
+      hubs.push_back(choices[l][rest % choices[l].size()]);
+      rest /= choices[l].size();
+      centres += hubs[l] == size && choices[l].size() > 1;
+      const auto begin = static_cast<std::uint32_t>(positions.size());
+      glm::dvec3 sum(0);
+      for (const LoopPoint& point : loops[l]) {
+        positions.push_back(mesh_.crossings[point.crossing].point());
+        sum += positions.back();
+      }
+      positions.push_back(sum / static_cast<double>(size));
+      for (std::size_t i = 0; i < size; ++i)
+        if (const std::size_t next = (i + 1) % size; i != hubs[l] && next != hubs[l])
+          for (const std::size_t corner : {hubs[l], i, next})
+            triangles.push_back(begin + static_cast<std::uint32_t>(corner));
+    }
+    if (n == 0) {
+      first = hubs;
+      if (loops.size() < 2) return first;
+    }
+    if (centres >= best_centres || !crossingTriangles(positions, triangles).empty()) continue;
+    best = hubs;
+    best_centres = centres;
+    if (n == 0) break;
+  }
+  return best.empty() ? first : best;
+}
+
 void Mesher::meshLeaf(const LeafBox& leaf) {
   ReferenceLevelCounts& counts = mesh_.level_counts[static_cast<std::size_t>(leaf.level)];
   if (pyramid_.has_missing && isBesideMissing(leaf)) return;
@@ -513,8 +565,12 @@ void Mesher::meshLeaf(const LeafBox& leaf) {
   }
 
   const std::size_t triangles_before = mesh_.triangles.size();
-  for (const Loop& loop : takeLoops()) {
-    const std::size_t hub = is_crossed ? hubOf(loop) : loop.size();
+  const std::vector<Loop> loops = takeLoops();
+  const std::vector<std::size_t> hubs =
+      is_crossed ? hubsApart(loops) : std::vector<std::size_t>(loops.size());
+  for (std::size_t l = 0; l < loops.size(); ++l) {
+    const Loop& loop = loops[l];
+    const std::size_t hub = is_crossed ? hubs[l] : loop.size();
     if (hub < loop.size()) {
       for (std::size_t i = 1; i + 1 < loop.size(); ++i)
         emit(leaf, loop[hub].crossing, loop[(hub + i) % loop.size()].crossing,

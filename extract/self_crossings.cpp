@@ -1,4 +1,4 @@
-#include "isobrick/extract/simplify/self_crossings.h"
+#include "isobrick/extract/self_crossings.h"
 
 #include <algorithm>
 #include <cmath>
