@@ -43,10 +43,11 @@ bool isMrcFile(const std::string& path);
 std::unique_ptr<VolumeSource> openMrcSource(const std::string& path,
                                             const OpenOptions& options = {});
 
-// Whether the folder is a Zarr store, by the names of the files in it.
+// Whether it is a Zarr store, a folder or a zip file or a path through one, by the names of the
+// files in it.
 bool isZarrFolder(const std::string& path);
 
-// Opens a Zarr store in a folder: an OME-Zarr image of version 0.4 or before (Zarr 2) or 0.5 (Zarr
+// Opens a Zarr store: an OME-Zarr image of version 0.4 or before (Zarr 2) or 0.5 (Zarr
 // 3, sharded or not), of which the finest level is taken; or an array, such as one of its levels
 // ("scan.ome.zarr/1"). Read are all integers and floats of both byte orders, C and F order, both
 // separators, chunks that are missing, packed with Blosc (LZ4, zlib, Zstandard), zlib, gzip or

@@ -88,8 +88,8 @@ std::unique_ptr<VolumeSource> openWith(const std::string& path, const OpenOption
   return openOne(path, options);
 }
 constexpr Reader kReaders[] = {
-    {{"OME-Zarr", ".ome.zarr .zarr", true},
-     [](const std::string& path, bool is_folder) { return is_folder && isZarrFolder(path); },
+    {{"OME-Zarr", ".ome.zarr .zarr, zipped .zip .ozx", true},
+     [](const std::string& path, bool) { return isZarrFolder(path); },
      [](const std::string& path, const OpenOptions& options) {
        return openZarrSource(path, options);
      }},

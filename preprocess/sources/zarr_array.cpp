@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "isobrick/preprocess/byte_order.h"
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -20,7 +19,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::size_t kMostAxes = 5;
+constexpr std::size_t kMostZarrAxes = 5;
 constexpr std::uint64_t kMostChunkBytes = std::uint64_t{1} << 30;
 constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
 
@@ -78,7 +77,7 @@ std::string codecName(const Json& codec) {
 }  // namespace
 
 nlohmann::json readZarrJson(const std::string& path) {
-  const InputFile file(path);
+  const StoreFile file(path);
   if (file.size() > kMostJsonBytes)
     throw unreadable(path,
                      "it has " + std::to_string(file.size()) +
@@ -91,8 +90,10 @@ nlohmann::json readZarrJson(const std::string& path) {
 }
 
 ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
+  std::string inside;
+  zip_ = zipThrough(folder, inside);
   metadata_path_ = folder + "/zarr.json";
-  const bool is_version3 = inputIsThere(metadata_path_);
+  const bool is_version3 = storeFileIsThere(metadata_path_);
   if (!is_version3) metadata_path_ = folder + "/.zarray";
   const Json json = readZarrJson(metadata_path_);
   if (is_version3)
@@ -109,7 +110,7 @@ void ZarrArray::refuse(const std::string& reason) const {
 
 void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
   const Json& list = member(json, key);
-  if (!list.is_array() || list.empty() || list.size() > kMostAxes)
+  if (!list.is_array() || list.empty() || list.size() > kMostZarrAxes)
     refuse(std::string("its ") + key + " " + quotedJson(list) + " is not a list of 1 to 5 numbers");
   out.clear();
   for (const Json& number : list) {
@@ -390,7 +391,7 @@ std::string ZarrArray::pathOf(const Indices& outer) const {
 
 // A disk may have been removed: then all chunks would be the fill value.
 void ZarrArray::throwIfStoreWentAway() const {
-  if (!inputIsThere(metadata_path_))
+  if (!storeFileIsThere(metadata_path_))
     throw ResumableError("cannot read '" + folder_ + "': '" + metadata_path_ +
                              "' is not there any more; run again when it is",
                          {.path = folder_});
@@ -398,7 +399,7 @@ void ZarrArray::throwIfStoreWentAway() const {
 
 // The part of a shard, whose bytes are `run` of the file, with the chunk of this index; nothing if
 // it is not stored.
-std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const InputFile& file, std::size_t shard,
+std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, std::size_t shard,
                                                          ByteRun run, const Indices& index) const {
   const auto damaged = [&](const std::string& why) {
     return unreadable(file.path(), why + "; get the whole store again");
@@ -429,11 +430,11 @@ std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const InputFile& file, 
 
 bool ZarrArray::readPacked(const std::string& path, const Indices& index,
                            std::vector<std::byte>& out) const {
-  if (!inputIsThere(path)) {
+  if (!storeFileIsThere(path)) {
     throwIfStoreWentAway();
     return false;
   }
-  const InputFile file(path);
+  const StoreFile file(path);
   const auto damaged = [&](const std::string& why) {
     return unreadable(path, why + "; get the whole store again");
   };
@@ -506,6 +507,7 @@ bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
 }
 
 std::vector<std::string> ZarrArray::files(const Indices& fixed) const {
+  if (zip_ != nullptr) return {zip_->file().path()};
   constexpr std::int64_t kMostFiles = 20000;
   std::vector<std::string> files = {metadata_path_};
   Indices first(shape_.size(), 0), count(shape_.size(), 1);

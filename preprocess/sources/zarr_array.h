@@ -1,4 +1,5 @@
-// One array of a Zarr store (version 2 or 3) in a folder. Private to preprocess/sources/.
+// One array of a Zarr store (version 2 or 3), in a folder or a zip file. Private to
+// preprocess/sources/.
 #pragma once
 
 #include <cstddef>
@@ -9,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/zarr_store.h"
 
 namespace isobrick {
 
@@ -117,12 +118,13 @@ class ZarrArray {
               std::vector<std::byte>& out) const;
   std::size_t filteredChunkBytes() const;
   Indices chunksOf(std::size_t shard) const;  // along each axis
-  std::optional<ByteRun> findInShard(const InputFile& file, std::size_t shard, ByteRun run,
+  std::optional<ByteRun> findInShard(const StoreFile& file, std::size_t shard, ByteRun run,
                                      const Indices& index) const;
   bool readPacked(const std::string& path, const Indices& index, std::vector<std::byte>& out) const;
   void throwIfStoreWentAway() const;
   [[noreturn]] void refuse(const std::string& reason) const;
 
+  std::shared_ptr<const ZipFile> zip_;  // held, so that its table is read once; may be null
   std::string folder_, metadata_path_;
   Indices shape_;
   Indices chunk_;  // the unit that is packed

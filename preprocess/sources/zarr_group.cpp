@@ -5,13 +5,12 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
-#include "isobrick/storage/file_system.h"
+#include "isobrick/preprocess/sources/zarr_store.h"
 
 namespace isobrick {
 namespace {
@@ -27,11 +26,11 @@ const Json& omeMember(const Json& attributes, const char* key) {
 
 // The metadata of an array; null if the folder is none.
 Json arrayOf(const std::string& folder) {
-  if (inputIsThere(folder + "/zarr.json")) {
+  if (storeFileIsThere(folder + "/zarr.json")) {
     Json json = readZarrJson(folder + "/zarr.json");
     return textOf(member(json, "node_type")) == "array" ? json : Json();
   }
-  return inputIsThere(folder + "/.zarray") ? readZarrJson(folder + "/.zarray") : Json();
+  return storeFileIsThere(folder + "/.zarray") ? readZarrJson(folder + "/.zarray") : Json();
 }
 
 // Names below a group, and no more than any store has that was not made for it.
@@ -78,8 +77,8 @@ class ZarrVolumes {
     take(member(omeMember(attributes, "well"), "images"), "path");
     take(omeMember(attributes, "labels"), nullptr);
     if (!names.empty()) return names;
-    visitFolder(folder, [&](const FolderMember& member) {
-      if (member.isFolder()) names.push_back(member.name());
+    visitStoreFolders(folder, [&](std::string name) {
+      names.push_back(std::move(name));
       return names.size() < kMostGroups;
     });
     std::sort(names.begin(), names.end(), numericNameLess);
@@ -94,9 +93,9 @@ class ZarrVolumes {
 }  // namespace
 
 Json zarrAttributes(const std::string& folder) {
-  if (inputIsThere(folder + "/zarr.json"))
+  if (storeFileIsThere(folder + "/zarr.json"))
     return member(readZarrJson(folder + "/zarr.json"), "attributes");
-  if (inputIsThere(folder + "/.zattrs")) return readZarrJson(folder + "/.zattrs");
+  if (storeFileIsThere(folder + "/.zattrs")) return readZarrJson(folder + "/.zattrs");
   return {};
 }
 

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/recent_cache.h"
@@ -17,6 +16,7 @@
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 #include "isobrick/preprocess/sources/zarr_group.h"
+#include "isobrick/preprocess/sources/zarr_store.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/index_loop.h"
@@ -212,6 +212,8 @@ class ZarrOpener {
  public:
   ZarrOpener(const std::string& path, const OpenOptions& options) : path_(path), options_(options) {
     while (path_.size() > 1 && path_.back() == '/') path_.pop_back();
+    std::string inside;
+    zip_ = zipThrough(path_, inside);
   }
 
   std::unique_ptr<VolumeSource> open() {
@@ -295,7 +297,7 @@ class ZarrOpener {
 
   void takeGroup(const std::string& folder, const Json& attributes) {
     for (const char* name : {"/zarr.json", "/.zattrs"})
-      if (inputIsThere(folder + name)) group_files_.push_back(folder + name);
+      if (zip_ == nullptr && storeFileIsThere(folder + name)) group_files_.push_back(folder + name);
     own_ = member(attributes, "isobrick");
   }
 
@@ -446,6 +448,7 @@ class ZarrOpener {
 
   std::string path_;
   const OpenOptions& options_;
+  std::shared_ptr<const ZipFile> zip_;  // null: the store is a folder
   std::string array_path_;
   Json multiscale_, dataset_, own_;
   bool is_chosen_ = false, is_coarser_ = false;
@@ -459,7 +462,7 @@ bool isZarrFolder(const std::string& path) {
   for (const char* name : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
     if (isRegularFile(path + name) || isLink(path + name))
       return true;  // a link to nowhere too: opening it then fails
-  return false;
+  return isZarrZip(path);
 }
 
 std::unique_ptr<VolumeSource> openZarrSource(const std::string& path, const OpenOptions& options) {

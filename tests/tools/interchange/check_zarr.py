@@ -3,6 +3,7 @@ import itertools
 import json
 import os
 import shutil
+import zipfile
 
 import numcodecs
 import numpy as np
@@ -172,3 +173,19 @@ def test_chunks_that_are_cut_short_are_refused():
     for length in range(len(chunk)):
         write_bytes("cut.zarr/0.0.0", chunk[:length])
         run("convert", "cut.zarr", "-o", "x.raw", fails_with="cut.zarr/0.0.0")
+
+
+def test_their_zip_files_are_read():
+    for kind in ("u16", "f32"):
+        values = voxels(kind)
+        for compression in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            if os.path.exists("in.zarr.zip"):
+                os.remove("in.zarr.zip")
+            store = getattr(zarr, "storage", zarr).ZipStore("in.zarr.zip", compression=compression, mode="w")
+            group = zarr.group(store=store, **ZARR2)
+            make = getattr(group, "create_array", None) or group.create_dataset
+            array = make("a/b", shape=values.shape, dtype=values.dtype, chunks=(16, 16, 16))
+            array[...] = values
+            store.close()
+            for path in ("in.zarr.zip", "in.zarr.zip/a/b"):
+                expect_same(raw_of(path)[0], values)

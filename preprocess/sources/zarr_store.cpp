@@ -1,0 +1,289 @@
+#include "isobrick/preprocess/sources/zarr_store.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <string_view>
+#include <utility>
+
+#include "isobrick/preprocess/byte_order.h"
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/storage/file_system.h"
+#include "isobrick/storage/lowercase.h"
+
+namespace isobrick {
+namespace {
+
+constexpr std::uint64_t kMostTableBytes = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{1} << 30;
+constexpr std::string_view kMetadata[] = {"zarr.json", ".zarray", ".zgroup", ".zattrs"};
+
+template <typename T>
+T numberAt(const std::vector<std::byte>& bytes, std::size_t at) {
+  return loadNumber<T>(bytes.data() + at, false);
+}
+
+std::vector<std::byte> readRun(const InputFile& file, std::uint64_t offset, std::uint64_t bytes) {
+  std::vector<std::byte> run(static_cast<std::size_t>(bytes));
+  if (file.readAt(offset, run.data(), run.size()) != run.size())
+    throw unreadable(file.path(), "the zip file is cut short; get it again");
+  return run;
+}
+
+std::uint32_t checksumOf(const void* data, std::size_t bytes) {
+  return static_cast<std::uint32_t>(crc32_z(0, static_cast<const Bytef*>(data), bytes));
+}
+
+// False if they do not unpack to `out`, all of it and no more.
+bool inflateAll(std::vector<std::byte>& packed, std::vector<std::byte>& out) {
+  z_stream stream = {};
+  if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) throw std::bad_alloc();
+  std::byte none{};
+  stream.next_in = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_in = static_cast<uInt>(packed.size());
+  stream.next_out = reinterpret_cast<Bytef*>(out.empty() ? &none : out.data());
+  stream.avail_out = static_cast<uInt>(out.size());
+  const int end = inflate(&stream, Z_FINISH);
+  const bool is_whole = end == Z_STREAM_END && stream.avail_out == 0;
+  inflateEnd(&stream);
+  return is_whole;
+}
+
+bool isZipName(const std::string& name) {
+  const std::string lower = lowercase(name);
+  return lower.ends_with(".zip") || lower.ends_with(".ozx");
+}
+
+}  // namespace
+
+void ZipFile::throwDamaged() const {
+  throw unreadable(file_.path(), "the zip file is damaged or cut short; get it again");
+}
+
+ZipFile::ZipFile(const std::string& path) : file_(path) { readTable(findTable()); }
+
+// The end record, and in front of it that of a file of more than 4 GiB.
+ZipFile::Table ZipFile::findTable() const {
+  constexpr std::uint64_t kEnd = 22, kLocator = 20, kEnd64 = 56, kMostComment = 65535;
+  const std::uint64_t tail_bytes = std::min(file_.size(), kEnd + kMostComment);
+  if (tail_bytes < kEnd) throwDamaged();
+  const std::uint64_t tail_begin = file_.size() - tail_bytes;
+  const std::vector<std::byte> tail = readRun(file_, tail_begin, tail_bytes);
+  std::size_t at = tail.size() - kEnd;
+  while (numberAt<std::uint32_t>(tail, at) != 0x06054b50 ||
+         numberAt<std::uint16_t>(tail, at + 20) != tail.size() - at - kEnd)
+    if (at-- == 0) throwDamaged();
+  Table table{numberAt<std::uint32_t>(tail, at + 16), numberAt<std::uint32_t>(tail, at + 12),
+              numberAt<std::uint16_t>(tail, at + 10)};
+  if (table.offset == 0xffffffff || table.bytes == 0xffffffff || table.members == 0xffff) {
+    const std::uint64_t end = tail_begin + at;
+    if (end < kLocator) throwDamaged();
+    const auto locator = readRun(file_, end - kLocator, kLocator);
+    if (numberAt<std::uint32_t>(locator, 0) != 0x07064b50) throwDamaged();
+    const auto place = numberAt<std::uint64_t>(locator, 8);
+    if (place > end || end - place < kEnd64) throwDamaged();
+    const auto record = readRun(file_, place, kEnd64);
+    if (numberAt<std::uint32_t>(record, 0) != 0x06064b50) throwDamaged();
+    table = {numberAt<std::uint64_t>(record, 48), numberAt<std::uint64_t>(record, 40),
+             numberAt<std::uint64_t>(record, 32)};
+  }
+  if (table.offset > file_.size() || table.bytes > file_.size() - table.offset ||
+      table.bytes > kMostTableBytes)
+    throwDamaged();
+  return table;
+}
+
+void ZipFile::readTable(const Table& table) {
+  constexpr std::size_t kRow = 46;
+  const std::vector<std::byte> rows = readRun(file_, table.offset, table.bytes);
+  if (table.members > rows.size() / kRow) throwDamaged();
+  std::size_t at = 0;
+  for (std::uint64_t i = 0; i < table.members; ++i) {
+    if (rows.size() - at < kRow || numberAt<std::uint32_t>(rows, at) != 0x02014b50) throwDamaged();
+    const std::size_t name_bytes = numberAt<std::uint16_t>(rows, at + 28);
+    const std::size_t extra_bytes = numberAt<std::uint16_t>(rows, at + 30);
+    const std::size_t comment_bytes = numberAt<std::uint16_t>(rows, at + 32);
+    if (rows.size() - at - kRow < name_bytes + extra_bytes + comment_bytes) throwDamaged();
+    Member member;
+    member.flags = numberAt<std::uint16_t>(rows, at + 8);
+    member.method = numberAt<std::uint16_t>(rows, at + 10);
+    member.checksum = numberAt<std::uint32_t>(rows, at + 16);
+    member.packed_bytes = numberAt<std::uint32_t>(rows, at + 20);
+    member.bytes = numberAt<std::uint32_t>(rows, at + 24);
+    member.header_offset = numberAt<std::uint32_t>(rows, at + 42);
+    member.name.assign(reinterpret_cast<const char*>(&rows[at + kRow]), name_bytes);
+    // The numbers of 64 bits stand in the extra field, those that have no room in the row.
+    const std::size_t extra_end = at + kRow + name_bytes + extra_bytes;
+    for (std::size_t field = at + kRow + name_bytes; extra_end - field >= 4;) {
+      const std::size_t bytes = numberAt<std::uint16_t>(rows, field + 2);
+      std::size_t next = field + 4;
+      const std::size_t end = next + bytes;
+      if (end > extra_end) break;
+      if (numberAt<std::uint16_t>(rows, field) == 1)
+        for (std::uint64_t* number : {&member.bytes, &member.packed_bytes, &member.header_offset}) {
+          if (*number != 0xffffffff || end - next < 8) continue;
+          *number = numberAt<std::uint64_t>(rows, next);
+          next += 8;
+        }
+      field = end;
+    }
+    at += kRow + name_bytes + extra_bytes + comment_bytes;
+    members_.push_back(std::move(member));
+  }
+  // Of two of one name the later one counts, as for those who unpack it all.
+  std::stable_sort(members_.begin(), members_.end(),
+                   [](const Member& a, const Member& b) { return a.name < b.name; });
+}
+
+const ZipFile::Member* ZipFile::find(const std::string& name) const {
+  const auto behind = std::upper_bound(
+      members_.begin(), members_.end(), name,
+      [](const std::string& wanted, const Member& member) { return wanted < member.name; });
+  if (behind == members_.begin() || std::prev(behind)->name != name) return nullptr;
+  return &*std::prev(behind);
+}
+
+std::vector<std::string> ZipFile::childrenOf(const std::string& folder) const {
+  const std::string prefix = folder.empty() ? "" : folder + "/";
+  std::vector<std::string> names;
+  auto at = std::lower_bound(
+      members_.begin(), members_.end(), prefix,
+      [](const Member& member, const std::string& wanted) { return member.name < wanted; });
+  for (; at != members_.end() && at->name.starts_with(prefix); ++at) {
+    const std::size_t end = at->name.find('/', prefix.size());
+    if (end == std::string::npos) continue;
+    std::string name = at->name.substr(prefix.size(), end - prefix.size());
+    if (names.empty() || names.back() != name) names.push_back(std::move(name));
+  }
+  return names;
+}
+
+std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& inside) {
+  std::string file;
+  for (std::size_t end = 0; end != std::string::npos;) {
+    end = path.find('/', end + 1);
+    file = path.substr(0, end);
+    if (isZipName(file) && isRegularFile(file)) {
+      inside = end == std::string::npos ? "" : path.substr(end + 1);
+      break;
+    }
+    file.clear();
+  }
+  if (file.empty()) return nullptr;
+  static std::mutex mutex;
+  static std::map<std::string, std::weak_ptr<const ZipFile>> open_files;
+  const std::lock_guard lock(mutex);
+  std::weak_ptr<const ZipFile>& known = open_files[file];
+  const InputFile now(file);
+  if (auto zip = known.lock()) {
+    const auto isEqual = [](const std::timespec& a, const std::timespec& b) {
+      return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec;
+    };
+    if (zip->file().size() == now.size() && isEqual(zip->file().changedAt(), now.changedAt()))
+      return zip;
+  }
+  auto zip = std::make_shared<const ZipFile>(file);
+  known = zip;
+  return zip;
+}
+
+bool storeFileIsThere(const std::string& path) {
+  std::string inside;
+  const auto zip = zipThrough(path, inside);
+  return zip == nullptr ? inputIsThere(path) : zip->find(inside) != nullptr;
+}
+
+void visitStoreFolders(const std::string& folder, const std::function<bool(std::string)>& f) {
+  std::string inside;
+  if (const auto zip = zipThrough(folder, inside)) {
+    for (std::string& name : zip->childrenOf(inside))
+      if (!f(std::move(name))) return;
+    return;
+  }
+  visitFolder(folder,
+              [&](const FolderMember& member) { return !member.isFolder() || f(member.name()); });
+}
+
+bool isZarrZip(const std::string& path) {
+  std::string inside;
+  const auto zip = zipThrough(path, inside);
+  if (zip == nullptr) return false;
+  const std::function<bool(const std::string&, int)> holdsOne = [&](const std::string& folder,
+                                                                    int depth) {
+    const std::string prefix = folder.empty() ? "" : folder + "/";
+    for (const std::string_view name : kMetadata)
+      if (zip->find(prefix + std::string(name)) != nullptr) return true;
+    if (depth == 0) return false;
+    const std::vector<std::string> children = zip->childrenOf(folder);
+    return std::any_of(children.begin(), children.end(), [&](const std::string& child) {
+      return holdsOne(prefix + child, depth - 1);
+    });
+  };
+  return holdsOne(inside, 1);
+}
+
+StoreFile::StoreFile(const std::string& path) : path_(path) {
+  std::string inside;
+  zip_ = zipThrough(path, inside);
+  if (zip_ != nullptr) {
+    openMember(inside);
+    return;
+  }
+  file_.emplace(path);
+  size_ = file_->size();
+}
+
+void StoreFile::openMember(const std::string& name) {
+  constexpr std::uint64_t kHeader = 30;
+  constexpr std::uint16_t kEncrypted = 1, kStored = 0, kDeflated = 8;
+  const auto damaged = [&] { return unreadable(path_, "it is damaged; get the zip file again"); };
+  const ZipFile::Member* const member = zip_->find(name);
+  if (member == nullptr) throw unreadable(path_, "the zip file does not have it; get it again");
+  if ((member->flags & kEncrypted) != 0)
+    throw unusable(path_, "it is encrypted; unpack the zip file to a folder");
+  if (member->method != kStored && member->method != kDeflated)
+    throw unusable(path_, "it is packed by method " + std::to_string(member->method) +
+                              ", and isobrick reads 0 (stored) and 8 (deflated); unpack the zip "
+                              "file to a folder");
+  const InputFile& file = zip_->file();
+  if (member->header_offset > file.size() || file.size() - member->header_offset < kHeader)
+    throw damaged();
+  const auto header = readRun(file, member->header_offset, kHeader);
+  if (numberAt<std::uint32_t>(header, 0) != 0x04034b50) throw damaged();
+  begin_ = member->header_offset + kHeader + numberAt<std::uint16_t>(header, 26) +
+           numberAt<std::uint16_t>(header, 28);
+  if (begin_ > file.size() || member->packed_bytes > file.size() - begin_) throw damaged();
+  size_ = member->bytes;
+  if (member->method == kStored) {
+    if (member->packed_bytes != member->bytes) throw damaged();
+    checksum_ = member->checksum;
+    return;
+  }
+  if (std::max(member->bytes, member->packed_bytes) > kMostUnpackedBytes)
+    throw unusable(path_,
+                   "it is deflated and has more than 1 GiB; unpack the zip file to a folder");
+  auto packed = readRun(file, begin_, member->packed_bytes);
+  unpacked_.resize(static_cast<std::size_t>(size_));
+  if (!inflateAll(packed, unpacked_) ||
+      checksumOf(unpacked_.data(), unpacked_.size()) != member->checksum)
+    throw damaged();
+}
+
+std::size_t StoreFile::readAt(std::uint64_t offset, void* out, std::size_t bytes) const {
+  if (file_) return file_->readAt(offset, out, bytes);
+  if (offset >= size_) return 0;
+  bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, size_ - offset));
+  if (!unpacked_.empty()) {
+    std::memcpy(out, unpacked_.data() + offset, bytes);
+    return bytes;
+  }
+  const std::size_t read = zip_->file().readAt(begin_ + offset, out, bytes);
+  if (read == size_ && checksum_ && checksumOf(out, read) != *checksum_)
+    throw unreadable(path_, "it fails its checksum; get the zip file again");
+  return read;
+}
+
+}  // namespace isobrick

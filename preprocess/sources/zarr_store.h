@@ -1,0 +1,81 @@
+// The files of a Zarr store: in a folder, or in a zip file, through which paths lead as through a
+// folder ("scan.zarr.zip/0/.zarray"). Private to preprocess/sources/.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/preprocess/input_file.h"
+
+namespace isobrick {
+
+// A zip file with its table of members (APPNOTE.TXT of PKWARE, also of more than 4 GiB). All
+// members are thread-safe.
+class ZipFile {
+ public:
+  struct Member {
+    std::string name;
+    std::uint64_t header_offset = 0, packed_bytes = 0, bytes = 0;
+    std::uint32_t checksum = 0;  // CRC-32 of the bytes
+    std::uint16_t method = 0, flags = 0;
+  };
+
+  // Reads the table. Throws Error for a file that is no zip file, or a damaged one.
+  explicit ZipFile(const std::string& path);
+
+  const InputFile& file() const { return file_; }
+  // Null if there is none of that name.
+  const Member* find(const std::string& name) const;
+  // Names below a folder of it ("" is the top), each once.
+  std::vector<std::string> childrenOf(const std::string& folder) const;
+
+ private:
+  struct Table {
+    std::uint64_t offset = 0, bytes = 0, members = 0;
+  };
+  [[noreturn]] void throwDamaged() const;
+  Table findTable() const;
+  void readTable(const Table& table);
+
+  InputFile file_;
+  std::vector<Member> members_;  // by name
+};
+
+// The zip file that a path leads through, or is; the rest of the path is `inside` it. Null if there
+// is none. As long as one is held, the same path gives the same one, unless the file was changed.
+std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& inside);
+
+// As inputIsThere().
+bool storeFileIsThere(const std::string& path);
+// The folders below one of the store, by name, in no order, as long as f returns true.
+void visitStoreFolders(const std::string& folder, const std::function<bool(std::string name)>& f);
+// Whether it is a zip file with a Zarr store in it, at the top or below.
+bool isZarrZip(const std::string& path);
+
+// A file of the store, to be read as an InputFile. A packed member of a zip file is unpacked as a
+// whole, and is in memory.
+class StoreFile {
+ public:
+  explicit StoreFile(const std::string& path);
+
+  const std::string& path() const { return path_; }
+  std::uint64_t size() const { return size_; }
+  std::size_t readAt(std::uint64_t offset, void* out, std::size_t bytes) const;
+
+ private:
+  void openMember(const std::string& name);
+
+  std::string path_;
+  std::optional<InputFile> file_;
+  std::shared_ptr<const ZipFile> zip_;
+  std::uint64_t begin_ = 0, size_ = 0;  // in the zip file
+  std::vector<std::byte> unpacked_;     // empty: the bytes are in the file
+  std::optional<std::uint32_t> checksum_;
+};
+
+}  // namespace isobrick
