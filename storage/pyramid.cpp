@@ -1,5 +1,8 @@
 #include "isobrick/storage/pyramid.h"
 
+#include <cmath>
+#include <limits>
+
 #include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
@@ -32,6 +35,12 @@ Pyramid::~Pyramid() = default;
 const std::string& Pyramid::path() const { return tables_->path(); }
 const std::string& Pyramid::provenance() const { return tables_->provenance(); }
 std::uint64_t Pyramid::missingVoxels() const { return tables_->missingVoxels(); }
+float Pyramid::storedIsovalue(double isovalue) const {
+  const ValueTransform& values = spec_.values;
+  const auto nearest = static_cast<float>(values.stored(isovalue));
+  if (values.isIdentity() || values.real(static_cast<double>(nearest)) >= isovalue) return nearest;
+  return std::nextafter(nearest, std::numeric_limits<float>::infinity());
+}
 double Pyramid::noise() const { return tables_->header().noise; }
 VoxelHistogram Pyramid::histogram() const { return tables_->histogram(); }
 std::uint64_t Pyramid::fileBytes() const { return tables_->fileBytes(); }

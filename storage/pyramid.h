@@ -122,10 +122,10 @@ class Pyramid {
   }
   // JSON text: source, filter, tool version, notes.
   const std::string& provenance() const;
-  // An isovalue as queries compare it with samples.
-  float storedIsovalue(double isovalue) const {
-    return static_cast<float>(spec_.values.stored(isovalue));
-  }
+  // An isovalue as queries compare it with samples: the nearest float, or where stored numbers are
+  // not those of the input the next one that is not below it: with voxels at that float an isovalue
+  // that is rounded down would have them on its other side.
+  float storedIsovalue(double isovalue) const;
   // The standard deviation of the voxels' noise, in stored numbers, as the build estimated it from
   // second differences along x; 0 if there is none.
   double noise() const;

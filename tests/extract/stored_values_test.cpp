@@ -159,6 +159,26 @@ TEST(StoredValues, IdsOneApartStayApart) {
   }
 }
 
+// Floats have no two numbers of the one group, or of the other.
+TEST(StoredValues, TheSurfaceBetweenTwoDistantGroupsIsThere) {
+  const TemporaryFolder folder;
+  for (const bool is_low_inside : {false, true}) {
+    const auto [info, pyramid] = buildNumbers(
+        folder, ballOf<std::uint64_t>([&](double s) {
+          const auto small = static_cast<std::uint64_t>(std::lround(100 * std::abs(s)));
+          return ((s > 0) != is_low_inside) ? (std::uint64_t{1} << 63) + 4096 * small
+                                            : (std::uint64_t{1} << 20) + small;
+        }));
+    for (const double isovalue : {0x1p20 + 5000, 0x1p30, 0x1p50, 0x1p62, 0x1p63}) {
+      const MeshReport report = surfaceAt(*pyramid, isovalue);
+      EXPECT_TRUE(report.ok()) << report.summary();
+      const double volume = std::abs(report.volume);
+      EXPECT_GT(volume, 0.7 * kBallVolume) << isovalue << " " << lastNote(info);
+      EXPECT_LT(volume, 1.4 * kBallVolume) << isovalue;
+    }
+  }
+}
+
 TEST(StoredValues, OthersBecomeFloatsAndWhatChangesIsCounted) {
   const TemporaryFolder folder;
   // 100,000 apart on one side; one of them beyond 2^24 steps from all others.
