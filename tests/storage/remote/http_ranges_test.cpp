@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -22,6 +23,26 @@
 #include "tests/support/random_numbers.h"
 #include "tests/support/range_server.h"
 #include "tests/support/temporary_folder.h"
+
+namespace isobrick::test {
+namespace {
+
+// Requests that libcurl will refuse from now on, for want of memory.
+std::atomic<int> g_refused_requests{0};
+
+}  // namespace
+}  // namespace isobrick::test
+
+// The linker leads curl_multi_add_handle() of this executable here first (tests/CMakeLists.txt).
+extern "C" {
+int __real_curl_multi_add_handle(void* multi, void* easy);
+int __wrap_curl_multi_add_handle(void* multi, void* easy) {
+  constexpr int kOutOfMemory = 3;  // CURLM_OUT_OF_MEMORY
+  if (isobrick::test::g_refused_requests.fetch_sub(1) > 0) return kOutOfMemory;
+  isobrick::test::g_refused_requests = 0;
+  return __real_curl_multi_add_handle(multi, easy);
+}
+}
 
 namespace isobrick::test {
 namespace {
@@ -312,6 +333,23 @@ TEST_F(HttpRangesTest, WhatFailedIsAskedForAgainByTheNextReader) {
   const auto reader = open("fails/500/1/data");
   EXPECT_NE(read(*reader, 100'000, 1000), "");
   EXPECT_EQ(read(*reader, 100'000, 1000), "");
+}
+
+// What libcurl does not take on is never answered, so nobody may wait for it.
+TEST_F(HttpRangesTest, ARequestThatCannotBeSentFailsAtOnce) {
+  g_refused_requests = 1000;
+  try {
+    open("good/data");
+    FAIL() << "opened";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("cannot be sent"), std::string::npos) << error.what();
+  }
+  g_refused_requests = 0;
+  const auto reader = open("good/data");
+  g_refused_requests = 1000;
+  EXPECT_NE(read(*reader, 2'000'000, 1000).find("cannot be sent"), std::string::npos);
+  g_refused_requests = 0;
+  EXPECT_EQ(read(*reader, 2'000'000, 1000), "");
 }
 
 TEST_F(HttpRangesTest, ReadersOfAnAbandonedFileWaitForNothing) {
