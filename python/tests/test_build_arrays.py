@@ -301,6 +301,13 @@ def test_nan_as(tmp_path: Path) -> None:
     assert isobrick.open(tmp_path / "n.isb").level(0)[3, 4, 5] == -7
 
 
+def test_noise_has_no_curvature_to_store(tmp_path: Path) -> None:
+    array = np.random.default_rng(1).integers(0, 256, (40, 40, 40), np.uint8)
+    report = isobrick.build(array, tmp_path / "n.isb")
+    assert "nothing to gain" in report.notes[-1]
+    assert not any("nothing to gain" in note for note in isobrick.build(ball(40), tmp_path / "b.isb").notes)
+
+
 def test_mask_nan(tmp_path: Path) -> None:
     array = ball(20)
     array[:, :, 12:] = np.nan

@@ -16,6 +16,7 @@
 #include "isobrick/storage/index_loop.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -138,7 +139,7 @@ TEST(BatchBoundOfUnequalBatches, SomebodyAlwaysGoesOn) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
                                       static_cast<std::size_t>(threads));
     tbb::task_arena arena(threads);
-    for (int round = 0; round < 10; ++round)
+    for (int round = 0; round < repetitions(10); ++round)
       arena.execute([&] {
         CountingSink sink;
         EXPECT_GT(extractor.extract(query, sink).triangles, 1000000u);

@@ -8,6 +8,7 @@
 #include <chrono>
 
 #include "tests/support/command_test.h"
+#include "tests/support/random_numbers.h"
 #include "tests/support/test_paths.h"
 
 namespace isobrick {
@@ -42,6 +43,30 @@ class BuildCommandTest : public CommandTest {
     EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is not in:\n" << text;
   }
 };
+
+// In noise no surface of level 1 is near one of level 0; a query with a tolerance is then without.
+TEST_F(BuildCommandTest, AVolumeThatHasNothingToGainStoresNoCurvature) {
+  std::string voxels(40 * 40 * 40, '\0');
+  Random random(1);
+  for (char& voxel : voxels) voxel = static_cast<char>(randomBelow(random, 256));
+  writeBytes(path("noise.raw"), voxels);
+  const std::string said = runWell(
+      {"build", "noise.raw", "--raw-dims", "40,40,40", "--raw-type", "uint8", "-o", "noise.isb"});
+  expectContains(said, "no curvature is stored, since there is nothing to gain");
+  EXPECT_EQ(runForJson({"info", "noise.isb"})["bytes"]["curvature"], 0);
+  const Words query = {"extract", "noise.isb", "--iso",    "128",
+                       "--focus", "20,20,20",  "--radius", "9"};
+  const auto meshOf = [&](Words words, const std::string& name) {
+    words.insert(words.end(), {"-o", name});
+    runWell(words);
+    return readBytes(path(name));
+  };
+  Words with_tolerance = query;
+  with_tolerance.insert(with_tolerance.end(), {"--curvature-radius", "5"});
+  EXPECT_EQ(meshOf(query, "a.ply"), meshOf(with_tolerance, "b.ply"));
+  makeVolume("ball.nrrd");
+  EXPECT_EQ(runWell({"build", "ball.nrrd"}).find("nothing to gain"), std::string::npos);
+}
 
 TEST_F(BuildCommandTest, WhatIsUpToDateIsSkipped) {
   makeVolume("a.nrrd");
