@@ -36,7 +36,8 @@ struct PlainBrick {
   PlainIndex tiles{};
   std::vector<PlainRange> tile_ranges;
   PlainIndex blocks{};
-  std::vector<std::uint8_t> codes;  // eight a block, 255 where absent; of level 0, if the file has them
+  std::vector<std::uint8_t>
+      codes;  // eight a block, 255 where absent; of level 0, if the file has them
   PlainRange range;
   std::array<PlainPart, 3> parts;  // samples, ranges, curvature; one that is not listed is absent
 

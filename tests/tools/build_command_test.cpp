@@ -51,7 +51,7 @@ TEST_F(BuildCommandTest, AVolumeThatHasNothingToGainStoresNoCurvature) {
   for (char& voxel : voxels) voxel = static_cast<char>(randomBelow(random, 256));
   writeBytes(path("noise.raw"), voxels);
   const std::string said = runWell(
-      {"build", "noise.raw", "--raw-dims", "40,40,40", "--raw-type", "uint8", "-o", "noise.isb"});
+      {"build", "noise.raw", "--raw-dims", "40,40,40", "--raw-type", "u8", "-o", "noise.isb"});
   expectContains(said, "no curvature is stored, since there is nothing to gain");
   EXPECT_EQ(runForJson({"info", "noise.isb"})["bytes"]["curvature"], 0);
   const Words query = {"extract", "noise.isb", "--iso",    "128",
