@@ -146,11 +146,6 @@ std::string noteOfMissing(std::uint64_t voxels) {
   return std::to_string(voxels) + " voxels are NaN and have no data: surfaces are open beside them";
 }
 
-std::string noteOfNoCurvature() {
-  return "no curvature is stored, since there is nothing to gain: surfaces of level 1 are nowhere "
-         "within half a voxel of those of level 0";
-}
-
 std::string provenanceText(const VolumeSource& source, const BuildOptions& options,
                            const std::string& identity, const NotFiniteCounts& counts) {
   const VolumeInfo& info = source.info();

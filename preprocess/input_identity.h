@@ -49,8 +49,6 @@ class InputWatch {
 
 // The note about voxels without data.
 std::string noteOfMissing(std::uint64_t voxels);
-// And about a pyramid of which no brick has bounds of the curvature (BuildReport::has_curvature).
-std::string noteOfNoCurvature();
 
 // JSON, valid UTF-8 whatever the names are. `identity` is that of the source and the options,
 // `counts`: of voxels that were not finite.

@@ -103,6 +103,9 @@ struct BuildReport {
   bool has_curvature = false;
 };
 
+// What is to be said if BuildOptions::with_curvature gave no BuildReport::has_curvature.
+std::string noteOfNoCurvature();
+
 // Reads `source` to its end and writes a pyramid to `path`, which appears only when it is complete
 // and durable. Uses the calling TBB arena for computing, and a thread each for reading and writing.
 // The file does not depend on the number of threads, on memory_bytes, or on the
