@@ -1,4 +1,4 @@
-// The same, and JSON.
+// What hot_headers.h has, and JSON.
 #pragma once
 
 #include <nlohmann/json.hpp>

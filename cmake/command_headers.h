@@ -1,4 +1,4 @@
-// The same, and options.
+// What cold_headers.h has, and what reads options and prints.
 #pragma once
 
 #include <fmt/format.h>

@@ -61,7 +61,9 @@ endif()
 # cmake/KIND_headers.h, precompiled: what most sources of that kind include.
 function(isobrick_precompiled_headers kind)
   set(name isobrick_${kind}_headers)
-  file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
+  if(NOT EXISTS ${PROJECT_BINARY_DIR}/empty.cpp)  # written once: it would be compiled again after each configuration
+    file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
+  endif()
   add_library(${name} OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
   target_compile_features(${name} PUBLIC cxx_std_20)
   set_target_properties(${name} PROPERTIES CXX_EXTENSIONS OFF)
