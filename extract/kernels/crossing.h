@@ -28,16 +28,37 @@ inline bool isFiniteDifference(float difference) {
   return std::abs(difference) <= std::numeric_limits<float>::max();
 }
 
+// The parts of an edge between which its crossing lies, from its lower end: multiples of
+// 2^-kCrossingBits.
+struct CrossingBounds {
+  float least = kLeastCrossing, most = 1.0f - kLeastCrossing;
+};
+
+// Those of the part below the middle of an edge, or above it, where leaves of two levels touch: the
+// finer ones have one of the parts as an edge, and the crossing must lie inside of it, not at its
+// end. `middle`: in (0, 1).
+inline CrossingBounds boundsBeside(double middle, bool is_above) {
+  constexpr double kSteps = 1 << kCrossingBits;
+  const double nearest = std::nearbyint(middle * kSteps);
+  CrossingBounds bounds;
+  if (is_above)
+    bounds.least = std::max(bounds.least, static_cast<float>((nearest + 1) / kSteps));
+  else
+    bounds.most = std::min(bounds.most, static_cast<float>((nearest - 1) / kSteps));
+  return bounds;
+}
+
 // The place of the crossing on an edge with the values `low` and `high` at its ends, as a part of
 // the edge from its lower end. Exactly one of the values is >= isovalue. The result is within its
 // bounds for any values, also for infinite, NaN or equal ones, which no sound pyramid holds.
-inline float crossingParameter(float isovalue, float low, float high) {
+inline float crossingParameter(float isovalue, float low, float high,
+                               const CrossingBounds& bounds = {}) {
   float t = (isovalue - low) / (high - low);
   // Values such as 3.4e38 and -3.4e38: half of them differ by a finite number.
   if (!isFiniteDifference(high - low))
     t = (0.5f * isovalue - 0.5f * low) / (0.5f * high - 0.5f * low);
-  t = t > kLeastCrossing ? t : kLeastCrossing;  // not std::clamp, which lets NaN through
-  t = t < 1.0f - kLeastCrossing ? t : 1.0f - kLeastCrossing;
+  t = t > bounds.least ? t : bounds.least;  // not std::clamp, which lets NaN through
+  t = t < bounds.most ? t : bounds.most;
   return (t + kCrossingRounder) - kCrossingRounder;
 }
 

@@ -25,7 +25,7 @@ void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isov
     // crossingParameter()
     const auto across = hn::Sub(high, low);
     auto t = hn::Div(hn::Sub(hn::Set(df, isovalue), low), across);
-    const auto least = hn::Set(df, kLeastCrossing), most = hn::Set(df, 1.0f - kLeastCrossing);
+    const auto least = hn::LoadU(df, &queue.least[i]), most = hn::LoadU(df, &queue.most[i]);
     t = hn::IfThenElse(hn::Gt(t, least), t, least);
     t = hn::IfThenElse(hn::Lt(t, most), t, most);
     const auto rounder = hn::Set(df, kCrossingRounder);
@@ -80,7 +80,8 @@ void EdgeQueue::make(const WorldFrame& frame, float isovalue, glm::vec3* positio
       float* const normal = &normals[edge.vertex].x;
       for (std::size_t axis = 0; axis < 3; ++axis) normal[axis] = made[1 + axis][i];
     } else {
-      const EdgeCrossing one = makeEdgeCrossing(frame, isovalue, edge, low[i], high[i]);
+      const EdgeCrossing one =
+          makeEdgeCrossing(frame, isovalue, edge, low[i], high[i], {least[i], most[i]});
       positions[edge.vertex] = one.position;
       normals[edge.vertex] = one.normal;
     }

@@ -32,8 +32,8 @@ struct EdgeCrossing {
 // One of the ends is inside.
 inline EdgeCrossing makeEdgeCrossing(const WorldFrame& frame, float isovalue,
                                      const CrossedEdge& edge, const EdgeEnd& low,
-                                     const EdgeEnd& high) {
-  const float t = crossingParameter(isovalue, low.value, high.value);
+                                     const EdgeEnd& high, const CrossingBounds& bounds = {}) {
+  const float t = crossingParameter(isovalue, low.value, high.value, bounds);
   EdgeCrossing made{edge.begin, {}};
   made.position[edge.axis] = crossingCoordinate(edge.end, edge.end - edge.begin[edge.axis], t);
   made.normal =
@@ -50,6 +50,7 @@ struct EdgeQueue {
   // Written number by number where they lie: returned in registers, they would be put together in
   // memory, and the next load of them would wait.
   std::array<EdgeEnd, kMost> low, high;
+  std::array<float, kMost> least, most;  // CrossingBounds
 
   // Makes the crossings of all, with the bits of makeEdgeCrossing(), puts them to positions[vertex]
   // and normals[vertex], and is empty then.

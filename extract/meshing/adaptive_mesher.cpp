@@ -157,7 +157,8 @@ class AdaptiveMesher::Brick {
   }
 
   // On the edge along `axis` from corner `at`, of which leaves of another level touch an end. Half
-  // of a coarser leaf's edge has that edge's crossing, between its own samples (rule 8).
+  // of a coarser leaf's edge has that edge's crossing, between its own samples, and within that
+  // half (rule 8).
   void makeZoneVertex(std::uint32_t vertex, int axis, const Index3& at) {
     const LeafRows::EdgeBits around = zone_edges_.around(leaves_, axis, at);
     const int b = (axis + 1) % 3, c = (axis + 2) % 3;
@@ -172,6 +173,7 @@ class AdaptiveMesher::Brick {
       vertices_.put(vertex, axis, level_, low, high, is_shared);
       own.end(low, vertices_.low());
       own.end(high, vertices_.high());
+      vertices_.keepBeside(level_, axis, low[axis] + 1);
       return;
     }
     Index3 next = at;
@@ -180,6 +182,7 @@ class AdaptiveMesher::Brick {
     vertices_.put(vertex, axis, level_, low, high, is_shared);
     takeCorner(at, vertices_.low());
     takeCorner(next, vertices_.high());
+    if (around.beside_finer != 0) vertices_.keepBeside(level_ - 1, axis, 2 * low[axis] + 1);
   }
 
   // Rule 10: the contour follows the fine side's polyline on every transition face, and every loop

@@ -26,6 +26,9 @@ class BrickVertices {
            bool is_shared) {
     if (queue_.count == EdgeQueue::kMost) flush();
     const Lattice& lattice = context_.lattice();
+    constexpr CrossingBounds kBounds;
+    queue_.least[queue_.count] = kBounds.least;
+    queue_.most[queue_.count] = kBounds.most;
     CrossedEdge& edge = queue_.edges[queue_.count++];
     edge.vertex = vertex;
     edge.axis = axis;
@@ -37,6 +40,20 @@ class BrickVertices {
   }
   EdgeEnd& low() { return queue_.low[queue_.count - 1]; }
   EdgeEnd& high() { return queue_.high[queue_.count - 1]; }
+
+  // Finer leaves touch the edge, whose middle is sample `middle` of `level` along `axis`: keeps the
+  // crossing on its side of the value that hangs there. Both ends are filled.
+  void keepBeside(int level, int axis, std::int64_t middle) {
+    const Lattice& lattice = context_.lattice();
+    if (isOnCoarserLattice(lattice, level, axis, middle)) return;  // too short to have one
+    const double weight = hangingWeight(lattice, level, axis, middle);
+    const auto value = static_cast<float>(
+        hangingValue(static_cast<double>(low().value), static_cast<double>(high().value), weight));
+    const bool is_above = (value >= context_.isovalue) == (low().value >= context_.isovalue);
+    const CrossingBounds bounds = boundsBeside(weight, is_above);
+    queue_.least[queue_.count - 1] = bounds.least;
+    queue_.most[queue_.count - 1] = bounds.most;
+  }
 
   // The same behind the vertices that there are, of an edge between points of a transition face;
   // returns its number.

@@ -19,7 +19,7 @@ struct ChoiceOracles {
   const DetailChoice* choice;
   FocusOracle focus;
   std::optional<ViewOracle> view;
-  std::unique_ptr<FlatBlocks> flat;  // with a tolerance of curvature
+  std::unique_ptr<FlatBlocks> flat;  // with a tolerance of curvature, if there is a level 1
 };
 
 // For the query's own choice, then of the further ones. Made once a query, which has to outlive it
@@ -30,7 +30,8 @@ inline std::vector<ChoiceOracles> oraclesOf(const Pyramid& pyramid, const Query&
   const auto add = [&](const DetailChoice& choice) {
     oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt, nullptr});
     if (choice.view) oracles.back().view.emplace(lattice, pyramid.spec().geometry, *choice.view);
-    if (choice.curvature_tolerance)
+    // A volume of one cell has no level 1 that could be near.
+    if (choice.curvature_tolerance && lattice.levels() > 1)
       oracles.back().flat =
           std::make_unique<FlatBlocks>(deviationOfSphere(*choice.curvature_tolerance));
   };

@@ -214,5 +214,34 @@ TEST(ExtractProperty, MatchesTheReferenceOnRowsOfSeveralWords) {
   EXPECT_GT(coverage.with_two_levels, coverage.queries / 4);
 }
 
+// Few values, so that many crossings are in the middle of an edge between leaves of two levels,
+// where the finer ones have a corner (rule 8).
+TEST(ExtractProperty, CrossingsInTheMiddleOfSharedEdges) {
+  const TemporaryFolder folder;
+  int with_fans = 0;
+  for (int v = 0; v < repetitions(400); ++v) {
+    RandomCase random(static_cast<std::uint32_t>(v));
+    const Index3 dims(random.uniform(4, 12), random.uniform(4, 12), random.uniform(4, 12));
+    std::vector<std::uint8_t> values(static_cast<std::size_t>(dims.x * dims.y * dims.z));
+    for (std::uint8_t& value : values) value = static_cast<std::uint8_t>(random.uniform(0, 2) * 2);
+    ArraySource<std::uint8_t> source(dims, values);
+    const std::string path = folder.file("case.isb");
+    BuildOptions options;
+    options.filter = format::Filter::kSubsample;
+    buildPyramid(source, path, options);
+    const Pyramid pyramid(path);
+    Query query;
+    query.isovalue = random.uniform(1, 3);
+    query.focus =
+        FocusSphere{glm::dvec3(random.real(0, 12), random.real(0, 12), random.real(0, 12)), 0};
+    IndexedMeshSink sink;
+    const ExtractionReport report = extractIsosurface(pyramid, query, sink);
+    for (const LevelCounts& level : report.levels) with_fans += level.transition_cells > 0 ? 1 : 0;
+    ASSERT_TRUE(crossingTriangles(sink.mesh().positions, sink.mesh().triangles).empty())
+        << "volume " << v;
+  }
+  EXPECT_GT(with_fans, repetitions(400) / 2);
+}
+
 }  // namespace
 }  // namespace isobrick::test

@@ -368,6 +368,20 @@ TEST(Extract, RefusesQueriesThatMakeNoSense) {
   EXPECT_THROW(makeMeshFileSink(folder.file("mesh.xyz")), Error);
 }
 
+// There is no level 1 that could be near its only cell.
+TEST(Extract, ATolerantQueryKeepsAVolumeOfOneCell) {
+  const TemporaryFolder folder;
+  const auto sum = [](const glm::dvec3& p) { return p.x + p.y + p.z; };
+  const Pyramid pyramid(buildField<float>(folder, {2, 2, 2}, sum));
+  ASSERT_EQ(pyramid.lattice().levels(), 1);
+  for (const double tolerance : {0.0, 0.1, 10.0}) {
+    Query query = queryAt(1.5);
+    query.curvature_tolerance = tolerance;
+    IndexedMeshSink sink;
+    EXPECT_GT(extractIsosurface(pyramid, query, sink).triangles, 0) << tolerance;
+  }
+}
+
 TEST(Extract, CancelledAndFailedRunsLeaveNoFile) {
   const TemporaryFolder folder;
   const std::string path = buildField<std::uint8_t>(folder, {50, 50, 50}, bumps);

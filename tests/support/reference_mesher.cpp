@@ -168,8 +168,9 @@ class Mesher {
   bool isInside(const Index3& p) { return value(p) >= iso_; }
   glm::vec3 gradient(const Index3& p) const;
 
+  std::pair<int, int> levelsAround(const Index3& base, int axis) const;
   std::uint32_t crossingOf(const Index3& base, int axis, int level);
-  ReferenceCrossing computeCrossing(const Index3& base, int axis, std::int64_t upper);
+  ReferenceCrossing computeCrossing(const Index3& base, int axis, int level);
 
   int faceNeighbourLevel(const LeafBox& leaf, int axis, int side) const;
   std::vector<std::int64_t> faceSteps(const LeafBox& leaf, int axis, int level) const;
@@ -304,7 +305,9 @@ glm::vec3 Mesher::gradient(const Index3& p) const {
   return g;
 }
 
-ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, std::int64_t upper) {
+ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, int level) {
+  const std::int64_t length = std::int64_t{1} << level;
+  const std::int64_t upper = std::min(base[axis] + length, last_[axis]);
   Index3 end = base;
   end[axis] = upper;
   const float a = value(base), b = value(end);
@@ -317,6 +320,16 @@ ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, std::int
   // Rounded to a multiple of 1/32768, halves to even.
   const double part = clampOrLow((iso_ - a) / (b - a), kMinT, 1.0f - kMinT);
   crossing.t = std::nearbyint(part * 32768) / 32768;
+  // Finer leaves have half of it as an edge, on which it must lie, at no end.
+  Index3 middle = base;
+  middle[axis] += length / 2;
+  if (levelsAround(base, axis).first < level && middle[axis] < upper) {
+    const double at = std::nearbyint(32768 * static_cast<double>(length / 2) /
+                                     static_cast<double>(upper - base[axis])) /
+                      32768;
+    crossing.t = isInside(middle) == isInside(base) ? std::max(crossing.t, at + 1.0 / 32768)
+                                                    : std::min(crossing.t, at - 1.0 / 32768);
+  }
   const auto t = static_cast<float>(crossing.t), s = static_cast<float>(1 - crossing.t);
   // From the upper end: what a thin cell's length adds in rounding is the same on all levels.
   crossing.position =
@@ -324,9 +337,9 @@ ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, std::int
 
   const glm::vec3 low = gradient(base), high = gradient(end);
   const glm::vec3 g(low.x * s + high.x * t, low.y * s + high.y * t, low.z * s + high.z * t);
-  const float length = std::sqrt((g.x * g.x + g.y * g.y) + g.z * g.z);
-  if (length > 0 && std::isfinite(length)) {
-    const float factor = -1 / length;
+  const float norm = std::sqrt((g.x * g.x + g.y * g.y) + g.z * g.z);
+  if (norm > 0 && std::isfinite(norm)) {
+    const float factor = -1 / norm;
     crossing.normal = glm::dvec3(g.x * factor, g.y * factor, g.z * factor);
   } else {
     crossing.normal[axis] = isInside(base) ? 1.0 : -1.0;
@@ -334,21 +347,29 @@ ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, std::int
   return crossing;
 }
 
-// Rule 8: the crossing of the edge of `level` that begins at `base`, or of the coarser leaf's edge
-// that it is a half of.
-std::uint32_t Mesher::crossingOf(const Index3& base, int axis, int level) {
-  // The leaves around the edge. One of level + 1 covers all of it, so its first voxel step shows
-  // it.
+// The finest and the coarsest leaf around the first voxel step of an edge. One of the edge's level
+// covers all of it, and so do leaves that are finer than it.
+std::pair<int, int> Mesher::levelsAround(const Index3& base, int axis) const {
   const int u = (axis + 1) % 3;
   const int v = (axis + 2) % 3;
-  int coarsest = level;
+  int finest = std::numeric_limits<int>::max(), coarsest = -1;
   forEachIndex(Index3(2, 2, 1), [&](const Index3& side) {
     const Index3 cell = base - side.x * unit(u) - side.y * unit(v);
     for (int i = 0; i < 3; ++i) {
       if (cell[i] < 0 || cell[i] >= leaves_.cells[i]) return;
     }
+    finest = std::min(finest, leaves_.leafLevelAt(cell));
     coarsest = std::max(coarsest, leaves_.leafLevelAt(cell));
   });
+  return {finest, coarsest};
+}
+
+// Rule 8: the crossing of the edge of `level` that begins at `base`, or of the coarser leaf's edge
+// that it is a half of.
+std::uint32_t Mesher::crossingOf(const Index3& base, int axis, int level) {
+  const int u = (axis + 1) % 3;
+  const int v = (axis + 2) % 3;
+  const int coarsest = levelsAround(base, axis).second;
   if (coarsest > level + 1) broken("an edge touches a leaf two levels coarser");
 
   Index3 lower = base;
@@ -358,14 +379,14 @@ std::uint32_t Mesher::crossingOf(const Index3& base, int axis, int level) {
     edge_level = coarsest;
     lower[axis] = (base[axis] >> coarsest) << coarsest;
   }
-  const std::int64_t upper = std::min(lower[axis] + (std::int64_t{1} << edge_level), last_[axis]);
+  ReferenceCrossing crossing = computeCrossing(lower, axis, edge_level);
 
   const auto key = static_cast<std::int64_t>(offsetOf(lattice_.voxels(), lower)) * 3 + axis;
   const auto [found, is_new] =
       crossing_of_edge_.try_emplace(key, static_cast<std::uint32_t>(mesh_.crossings.size()));
   if (is_new) {
-    mesh_.crossings.push_back(computeCrossing(lower, axis, upper));
-  } else if (mesh_.crossings[found->second].upper != upper) {
+    mesh_.crossings.push_back(crossing);
+  } else if (mesh_.crossings[found->second].upper != crossing.upper) {
     broken("one edge with two extents");
   }
   return found->second;

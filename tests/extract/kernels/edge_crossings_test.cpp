@@ -32,6 +32,7 @@ TEST(EdgeCrossings, AreThoseOfTheScalarTwin) {
       EdgeQueue queue;
       std::vector<CrossedEdge> edges;
       std::vector<EdgeEnd> low, high;
+      std::vector<CrossingBounds> bounds;
       const auto count = static_cast<std::size_t>(randomInt(random, 0, EdgeQueue::kMost));
       for (std::size_t i = 0; i < count; ++i) {
         const auto endOf = [&](bool is_inside) {
@@ -56,7 +57,11 @@ TEST(EdgeCrossings, AreThoseOfTheScalarTwin) {
         low.push_back(endOf(is_inside));
         high.push_back(endOf(!is_inside));
         queue.edges[i] = edge;
+        const double middle = randomInt(random, 0, 1) == 1 ? 0.5 : 0.1 * randomInt(random, 1, 9);
+        bounds.push_back(boundsBeside(middle, randomInt(random, 0, 1) == 1));
         queue.low[i] = low.back();
+        queue.least[i] = bounds.back().least;
+        queue.most[i] = bounds.back().most;
         queue.high[i] = high.back();
       }
       queue.count = count;
@@ -64,7 +69,8 @@ TEST(EdgeCrossings, AreThoseOfTheScalarTwin) {
       queue.make(frame, isovalue, positions.data(), normals.data());
       EXPECT_EQ(queue.count, 0u);
       for (std::size_t i = 0; i < count; ++i) {
-        const EdgeCrossing made = makeEdgeCrossing(frame, isovalue, edges[i], low[i], high[i]);
+        const EdgeCrossing made =
+            makeEdgeCrossing(frame, isovalue, edges[i], low[i], high[i], bounds[i]);
         const std::size_t at = edges[i].vertex;
         ASSERT_EQ(std::memcmp(&positions[at], &made.position, sizeof made.position), 0) << i;
         ASSERT_EQ(std::memcmp(&normals[at], &made.normal, sizeof made.normal), 0) << i;
