@@ -57,7 +57,8 @@ TEST(EdgeCrossings, AreThoseOfTheScalarTwin) {
         low.push_back(endOf(is_inside));
         high.push_back(endOf(!is_inside));
         queue.edges[i] = edge;
-        const double middle = randomInt(random, 0, 1) == 1 ? 0.5 : 0.1 * randomInt(random, 1, 9);
+        const double middle =
+            randomInt(random, 0, 1) == 1 ? 0.5 : 0.1 * static_cast<double>(randomInt(random, 1, 9));
         bounds.push_back(boundsBeside(middle, randomInt(random, 0, 1) == 1));
         queue.low[i] = low.back();
         queue.least[i] = bounds.back().least;
