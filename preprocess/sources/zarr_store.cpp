@@ -67,14 +67,14 @@ ZipFile::ZipFile(const std::string& path) : file_(path) { readTable(findTable())
 
 // The end record, and in front of it that of a file of more than 4 GiB.
 ZipFile::Table ZipFile::findTable() const {
-  constexpr std::uint64_t kEnd = 22, kLocator = 20, kEnd64 = 56, kMostComment = 65535;
-  const std::uint64_t tail_bytes = std::min(file_.size(), kEnd + kMostComment);
-  if (tail_bytes < kEnd) throwDamaged();
+  constexpr std::uint64_t kEndRecord = 22, kLocator = 20, kEndRecord64 = 56, kMostComment = 65535;
+  const std::uint64_t tail_bytes = std::min(file_.size(), kEndRecord + kMostComment);
+  if (tail_bytes < kEndRecord) throwDamaged();
   const std::uint64_t tail_begin = file_.size() - tail_bytes;
   const std::vector<std::byte> tail = readRun(file_, tail_begin, tail_bytes);
-  std::size_t at = tail.size() - kEnd;
+  std::size_t at = tail.size() - kEndRecord;
   while (numberAt<std::uint32_t>(tail, at) != 0x06054b50 ||
-         numberAt<std::uint16_t>(tail, at + 20) != tail.size() - at - kEnd)
+         numberAt<std::uint16_t>(tail, at + 20) != tail.size() - at - kEndRecord)
     if (at-- == 0) throwDamaged();
   Table table{numberAt<std::uint32_t>(tail, at + 16), numberAt<std::uint32_t>(tail, at + 12),
               numberAt<std::uint16_t>(tail, at + 10)};
@@ -84,8 +84,8 @@ ZipFile::Table ZipFile::findTable() const {
     const auto locator = readRun(file_, end - kLocator, kLocator);
     if (numberAt<std::uint32_t>(locator, 0) != 0x07064b50) throwDamaged();
     const auto place = numberAt<std::uint64_t>(locator, 8);
-    if (place > end || end - place < kEnd64) throwDamaged();
-    const auto record = readRun(file_, place, kEnd64);
+    if (place > end || end - place < kEndRecord64) throwDamaged();
+    const auto record = readRun(file_, place, kEndRecord64);
     if (numberAt<std::uint32_t>(record, 0) != 0x06064b50) throwDamaged();
     table = {numberAt<std::uint64_t>(record, 48), numberAt<std::uint64_t>(record, 40),
              numberAt<std::uint64_t>(record, 32)};

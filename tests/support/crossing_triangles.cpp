@@ -34,32 +34,27 @@ int signOf(const Number& number) {
   return (number > 0) - (number < 0);
 }
 
-// The same in whole numbers, for nearby points on the grid of crossings, of which many lie in one
-// plane.
-std::optional<std::int64_t> volumeOnGrid(const glm::dvec3& a, const glm::dvec3& b,
-                                         const glm::dvec3& c, const glm::dvec3& d) {
+// From one point to a nearby one, both on the grid of crossings, of which many lie in one plane: in
+// steps of it.
+std::optional<glm::i64vec3> stepsOnGrid(const glm::dvec3& from, const glm::dvec3& to) {
   constexpr double kSteps = 32768, kMost = 1 << 20;
-  std::array<glm::i64vec3, 3> to;
-  const std::array<glm::dvec3, 3> ways = {b - a, c - a, d - a};
-  for (std::size_t i = 0; i < 3; ++i) {
-    const glm::dvec3 steps = ways[i] * kSteps;
-    if (steps != glm::floor(steps) || greatestDifference(steps, glm::dvec3(0)) > kMost)
-      return std::nullopt;
-    to[i] = glm::i64vec3(steps);
-  }
-  const auto& [x, y, z] = to;
-  return x.x * (y.y * z.z - y.z * z.y) + x.y * (y.z * z.x - y.x * z.z) +
-         x.z * (y.x * z.y - y.y * z.x);
+  const glm::dvec3 steps = (to - from) * kSteps;
+  if (steps != glm::floor(steps) || greatestDifference(steps, glm::dvec3(0)) > kMost)
+    return std::nullopt;
+  return glm::i64vec3(steps);
 }
 
 // Which side of the plane through a, b and c has d.
 int sideOf(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c, const glm::dvec3& d) {
   const auto fast = volume<double>(a, b, c, d);
   // Above all roundings of six products of three differences.
-  if (const auto exact = volumeOnGrid(a, b, c, d)) return signOf(*exact);
   const double bound =
       1e-14 * greatestDifference(a, b) * greatestDifference(a, c) * greatestDifference(a, d);
   if (std::abs(fast) > bound && bound > 1e-280) return signOf(fast);
+  const auto x = stepsOnGrid(a, b), y = stepsOnGrid(a, c), z = stepsOnGrid(a, d);
+  if (x && y && z)
+    return signOf(x->x * (y->y * z->z - y->z * z->y) + x->y * (y->z * z->x - y->x * z->z) +
+                  x->z * (y->x * z->y - y->y * z->x));
   return signOf(volume<Rational>(a, b, c, d));
 }
 
@@ -74,6 +69,8 @@ struct Plane {
     const double left = (b[u] - a[u]) * (c[v] - a[v]), right = (b[v] - a[v]) * (c[u] - a[u]);
     if (std::abs(left - right) > 1e-14 * (std::abs(left) + std::abs(right)) + 1e-280)
       return signOf(left - right);
+    if (const auto x = stepsOnGrid(a, b), y = stepsOnGrid(a, c); x && y)
+      return signOf((*x)[u] * (*y)[v] - (*x)[v] * (*y)[u]);
     return signOf<Rational>(difference(b, u) * difference(c, v) -
                             difference(b, v) * difference(c, u));
   }
@@ -144,6 +141,8 @@ class Mesh {
       }
     if (shared == 3) return true;
     if (shared == 2) return foldBack(at(a[0]), at(a[1]), at(a[2]), at(b[2]));
+    // As a rule one lies on one side of the other's plane.
+    if (isBeside(a, b, shared) || isBeside(b, a, shared)) return false;
     if (shared == 1) return meets(a[1], a[2], b) || meets(b[1], b[2], a);
     for (std::size_t i = 0; i < 3; ++i)
       if (meets(a[i], a[(i + 1) % 3], b) || meets(b[i], b[(i + 1) % 3], a)) return true;
@@ -151,6 +150,12 @@ class Mesh {
   }
 
  private:
+  bool isBeside(const Corners& one, const Corners& other, std::size_t shared) const {
+    int sides = 0;
+    for (std::size_t i = shared; i < 3; ++i)
+      sides += sideOf(at(one[0]), at(one[1]), at(one[2]), at(other[i]));
+    return std::abs(sides) == 3 - static_cast<int>(shared);
+  }
   bool meets(std::uint32_t p, std::uint32_t q, const Corners& triangle) const {
     return haveCommonPoint(at(p), at(q), at(triangle[0]), at(triangle[1]), at(triangle[2]));
   }
