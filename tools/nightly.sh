@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All that takes a night: both rings with all random tries and every fault, the sanitizer for threads, fresh machines of
+# All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, fresh machines of
 # both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
 #   tools/nightly.sh
 # Needs root and debootstrap for the fresh machines.
