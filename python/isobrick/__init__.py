@@ -28,7 +28,7 @@ from ._pyramid import (
     merge,
     open,
 )
-from ._query import Detail, ExtractReport, LevelCounts, View
+from ._query import Detail, ExtractReport, LevelCounts, Query, View
 from ._version import __version__
 
 __all__ = [
@@ -46,6 +46,7 @@ __all__ = [
     "MergeReport",
     "Mesh",
     "Pyramid",
+    "Query",
     "RawLayout",
     "RemoteCounters",
     "Session",

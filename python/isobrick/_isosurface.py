@@ -15,7 +15,7 @@ from ._build import _describe_array, _FileInput
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
 from ._pyramid import Pyramid
-from ._query import Detail, Triple, _QuerySettings, check_simplify, corners_of
+from ._query import Query, Triple, settings_of
 from ._sizes import DEFAULT_MEMORY, byte_size
 
 
@@ -60,14 +60,11 @@ def isosurface(
     float32 is read twice, once for the range of its values.
     """
     described = describe(volume)
-    check_simplify(simplify, drop_small)
+    query = Query(float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices)
     chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:
-        settings = _QuerySettings(
-            float(level), Detail(), indices, (), corners_of(box), simplify, drop_small,
-            None if values is None else values._handle, threads, tell, cancel,
-        )  # fmt: skip
+        settings = settings_of(query, float(level), threads, tell, cancel)
         if described.memory is not None:
             array = described.memory
             sz, sy, sx = array.strides

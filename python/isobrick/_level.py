@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from ._pyramid import Pyramid
+from . import _core
+
+
+class _Owner(Protocol):
+    """A pyramid, as far as its levels know it."""
+
+    @property
+    def _handle(self) -> _core.PyramidHandle: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    @property
+    def affine(self) -> NDArray[np.float64]: ...
+    def _values_of(self, stored: NDArray[Any]) -> NDArray[Any]: ...
 
 
 class _Pick(NamedTuple):
@@ -54,7 +65,7 @@ class Level:
 
     ndim = 3
 
-    def __init__(self, pyramid: Pyramid, level: int) -> None:
+    def __init__(self, pyramid: _Owner, level: int) -> None:
         self._pyramid = pyramid
         self.level = level
         x, y, z = pyramid._handle.samples(level)

@@ -101,7 +101,7 @@ class Mesh:
     def to_vtk(self) -> Any:
         """A ``vtkPolyData`` on this memory: points (x, y, z) in world units, with ``Normals``, ``level`` of the
         cells and, if there are any, ``value``. Takes the package vtk."""
-        from .vtk import poly_data_of
+        from ._poly_data import poly_data_of
 
         return poly_data_of(self)
 

@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,8 @@ from ._errors import Error
 from ._level import Level
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
-from ._query import Detail, ExtractReport, View, _QuerySettings, check_simplify, corners_of, make_report
+from ._query import Choice, ExtractReport, Isovalue, Query, Triple, _QuerySettings, make_report, query_of, settings_of
 from ._sizes import byte_size
-
-Triple = tuple[float, float, float]
-Isovalue = float | Literal["auto"]
 
 _alive: weakref.WeakSet[Pyramid | Session] = weakref.WeakSet()
 
@@ -302,54 +299,31 @@ class Pyramid:
 
     def extract(
         self,
-        isovalue: Isovalue = "auto",
+        isovalue: Isovalue | Query = "auto",
         *,
-        focus: Sequence[float] | None = None,
-        radius: float | None = None,
-        level: int | None = None,
-        view: View | None = None,
-        curvature: float | None = None,
-        or_finer: Sequence[Detail] = (),
-        box: Sequence[Sequence[float]] | None = None,
-        simplify: float | None = None,
-        drop_small: bool = False,
-        values: Pyramid | None = None,
-        indices: bool = False,
         part: tuple[int, int] | None = None,
         memory: int | str | None = None,
         threads: int = 0,
         progress: Progress = None,
         cancel: _core.Cancel | None = None,
+        **choice: Unpack[Choice],
     ) -> Mesh:
-        """The isosurface, as a mesh in memory.
+        """The isosurface, as a mesh in memory, with points (x, y, z) in world units.
 
-        focus, radius and box are (x, y, z) in world units, or voxel indices (x, y, z) with ``indices=True``; so
-        is the distance of ``simplify``. The mesh's points are (x, y, z) in world units.
-
-        isovalue   values of at least this are inside; 'auto': the first of ``isovalues()``
-        focus, radius
-                   the finest level within the sphere, coarser with the distance from it
-        level      the whole surface from this level; not with a focus
-        view       as fine as a picture from there can show
-        curvature  level 1 where the total curvature is at most this, in 1/voxel^2
-        or_finer   more of these, each a ``Detail``: a cell is refined if any one of them wants it
-        box        ((x, y, z), (x, y, z)): only cells that overlap it
-        simplify   fewer triangles, within this distance
-        drop_small leaves out pieces within one brick whose box has a diagonal below that distance
-        values     another pyramid: its values at the points become ``Mesh.values``
+        isovalue   of the surface, or a ``Query``
         part       (i, n): only share i of n shares of the surface, i from 1, which is open where others begin
         memory     bounds what stays of the file in memory, for this query alone
         threads    0: all cores
+        focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values, indices
+                   of ``Query``: (x, y, z) in world units, or voxel indices with ``indices=True``
         """
+        query = query_of(isovalue, choice)
         pyramid = self
         if memory is not None:
             pyramid = Pyramid(self._path, memory, self._mmap, self._cache_folder, self._cache_bytes)
         try:
             with told_progress(progress, "extracting") as tell:
-                settings = self._settings(
-                    isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-                    values, indices, threads, tell, cancel, part,
-                )  # fmt: skip
+                settings = self._settings(query, threads, tell, cancel, part)
                 return Mesh(_core.SessionHandle(pyramid._handle).extract(settings, False))
         finally:
             if pyramid is not self:
@@ -358,19 +332,8 @@ class Pyramid:
     def extract_to(
         self,
         path: str | os.PathLike[str],
-        isovalue: Isovalue = "auto",
+        isovalue: Isovalue | Query = "auto",
         *,
-        focus: Sequence[float] | None = None,
-        radius: float | None = None,
-        level: int | None = None,
-        view: View | None = None,
-        curvature: float | None = None,
-        or_finer: Sequence[Detail] = (),
-        box: Sequence[Sequence[float]] | None = None,
-        simplify: float | None = None,
-        drop_small: bool = False,
-        values: Pyramid | None = None,
-        indices: bool = False,
         part: tuple[int, int] | None = None,
         zlib: bool = False,
         meshopt: bool = False,
@@ -378,17 +341,16 @@ class Pyramid:
         threads: int = 0,
         progress: Progress = None,
         cancel: _core.Cancel | None = None,
+        **choice: Unpack[Choice],
     ) -> ExtractReport:
         """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``: for meshes larger than
-        memory. focus, radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``; the
-        other parameters are those of ``extract``. The file has its name when it is whole; one that exists is
-        replaced with ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins
-        with the others to the mesh of one call."""
+        memory. The other parameters are those of ``extract``: focus, radius and box are (x, y, z) in world units, or
+        voxel indices with ``indices=True``. The file has its name when it is whole; one that exists is replaced with
+        ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
+        to the mesh of one call."""
+        query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
-            settings = self._settings(
-                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-                values, indices, threads, tell, cancel, part,
-            )  # fmt: skip
+            settings = self._settings(query, threads, tell, cancel, part)
             facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
             return make_report(facts)
 
@@ -401,25 +363,9 @@ class Pyramid:
         return suggestions[0].value
 
     def _settings(
-        self,
-        isovalue: Isovalue,
-        detail: Detail,
-        or_finer: Sequence[Detail],
-        box: Sequence[Sequence[float]] | None,
-        simplify: float | None,
-        drop_small: bool,
-        values: Pyramid | None,
-        indices: bool,
-        threads: int,
-        tell: Any,
-        cancel: _core.Cancel | None,
-        part: tuple[int, int] | None = None,
+        self, query: Query, threads: int, tell: Any, cancel: _core.Cancel | None, part: tuple[int, int] | None = None
     ) -> _QuerySettings:
-        check_simplify(simplify, drop_small)
-        return _QuerySettings(
-            self._isovalue(isovalue), detail, indices, or_finer, corners_of(box), simplify, drop_small,
-            None if values is None else values._handle, threads, tell, cancel, part,
-        )  # fmt: skip
+        return settings_of(query, self._isovalue(query.isovalue), threads, tell, cancel, part)
 
 
 class Session:
@@ -451,55 +397,34 @@ class Session:
 
     def extract(
         self,
-        isovalue: Isovalue = "auto",
+        isovalue: Isovalue | Query = "auto",
         *,
-        focus: Sequence[float] | None = None,
-        radius: float | None = None,
-        level: int | None = None,
-        view: View | None = None,
-        curvature: float | None = None,
-        or_finer: Sequence[Detail] = (),
-        box: Sequence[Sequence[float]] | None = None,
-        simplify: float | None = None,
-        drop_small: bool = False,
-        values: Pyramid | None = None,
-        indices: bool = False,
         threads: int = 0,
         progress: Progress = None,
         cancel: _core.Cancel | None = None,
+        **choice: Unpack[Choice],
     ) -> Mesh:
         """As ``Pyramid.extract``: (x, y, z) in world units, voxel indices with ``indices=True``."""
+        query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
-            settings = self._pyramid._settings(
-                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-                values, indices, threads, tell, cancel,
-            )  # fmt: skip
-            return Mesh(self._handle.extract(settings, False))
+            return Mesh(self._handle.extract(self._pyramid._settings(query, threads, tell, cancel), False))
 
     def progressive(
         self,
-        isovalue: Isovalue = "auto",
+        isovalue: Isovalue | Query = "auto",
         *,
-        focus: Sequence[float] | None = None,
-        radius: float | None = None,
-        level: int | None = None,
-        view: View | None = None,
-        curvature: float | None = None,
-        or_finer: Sequence[Detail] = (),
-        box: Sequence[Sequence[float]] | None = None,
-        simplify: float | None = None,
-        drop_small: bool = False,
-        indices: bool = False,
         threads: int = 0,
         cancel: _core.Cancel | None = None,
+        **choice: Unpack[Choice],
     ) -> Iterator[Mesh]:
         """Meshes of one surface: the first at once, from what is in memory, and finer ones as bricks come in, near
         the focus first. The last one is that of ``extract``, unless the pyramid's ``memory`` has no room for it;
-        ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``."""
-        settings = self._pyramid._settings(
-            isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-            None, indices, threads, None, cancel,
-        )  # fmt: skip
+        ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``. The query has
+        no ``values``."""
+        query = query_of(isovalue, choice)
+        if query.values is not None:
+            raise Error("a progressive query has no values; take those of extract()")
+        settings = self._pyramid._settings(query, threads, None, cancel)
         while True:
             mesh = Mesh(self._handle.extract(settings, True))
             is_complete = mesh.is_complete

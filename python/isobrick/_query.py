@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Protocol, TypedDict
 
+from . import _core
 from ._errors import Error
 
 Triple = tuple[float, float, float]
+Isovalue = float | Literal["auto"]
 
 
 @dataclass(frozen=True)
@@ -56,34 +58,108 @@ class Detail:
             raise Error(f"the focus {self.focus} is not three numbers, (x, y, z)")
 
 
-@dataclass
-class _QuerySettings:
-    isovalue: float
-    detail: Detail
-    indices: bool = False
+class HasValues(Protocol):
+    """A ``Pyramid``, as far as a query knows it."""
+
+    @property
+    def _handle(self) -> _core.PyramidHandle: ...
+
+
+class Choice(TypedDict, total=False):
+    """The keywords of ``Query``, which the calls that extract take beside their own."""
+
+    focus: Sequence[float] | None
+    radius: float | None
+    level: int | None
+    view: View | None
+    curvature: float | None
+    or_finer: Sequence[Detail]
+    box: Sequence[Sequence[float]] | None
+    simplify: float | None
+    drop_small: bool
+    values: HasValues | None
+    indices: bool
+
+
+@dataclass(frozen=True)
+class Query:
+    """Which surface, and how fine. Every call that extracts takes one, or an isovalue with these keywords:
+    ``extract(1324, level=1)`` is ``extract(Query(1324, level=1))``, and ``extract(query, level=2)`` changes one.
+
+    focus, radius and box are (x, y, z) in world units, or voxel indices (x, y, z) with ``indices=True``; so is the
+    distance of ``simplify``.
+
+    isovalue   values of at least this are inside; 'auto': the first of ``Pyramid.isovalues()``
+    focus, radius
+               the finest level within the sphere, coarser with the distance from it
+    level      the whole surface from this level; not with a focus
+    view       as fine as a picture from there can show
+    curvature  level 1 where the total curvature is at most this, in 1/voxel^2
+    or_finer   more of these, each a ``Detail``: a cell is refined if any one of them wants it
+    box        ((x, y, z), (x, y, z)): only cells that overlap it
+    simplify   fewer triangles, within this distance
+    drop_small leaves out pieces within one brick whose box has a diagonal below that distance
+    values     another pyramid: its values at the points become ``Mesh.values``
+    indices    see above
+    """
+
+    isovalue: Isovalue = "auto"
+    focus: Sequence[float] | None = None
+    radius: float | None = None
+    level: int | None = None
+    view: View | None = None
+    curvature: float | None = None
     or_finer: Sequence[Detail] = ()
-    box: tuple[Triple, Triple] | None = None
+    box: Sequence[Sequence[float]] | None = None
     simplify: float | None = None
     drop_small: bool = False
-    values: Any = None
-    threads: int = 0
-    progress: Any = None
-    cancel: Any = None
-    part: tuple[int, int] | None = None
+    values: HasValues | None = None
+    indices: bool = False
+
+    def __post_init__(self) -> None:
+        self._detail()
+        if self.drop_small and self.simplify is None:
+            raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
+
+    def _detail(self) -> Detail:
+        return Detail(self.focus, self.radius, self.level, self.view, self.curvature)
 
 
-def corners_of(box: Sequence[Sequence[float]] | None) -> tuple[Triple, Triple] | None:
-    """The corners of a box, as a query has them."""
-    if box is None:
-        return None
-    (ax, ay, az), (bx, by, bz) = box
-    return (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
+def query_of(isovalue: Isovalue | Query, choice: Choice) -> Query:
+    """What a call was given, as one."""
+    return replace(isovalue, **choice) if isinstance(isovalue, Query) else Query(isovalue, **choice)
 
 
-def check_simplify(simplify: float | None, drop_small: bool) -> None:
-    """Raises Error for what goes only together."""
-    if drop_small and simplify is None:
-        raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
+@dataclass
+class _QuerySettings:
+    """What the library reads."""
+
+    isovalue: float
+    detail: Detail
+    indices: bool
+    or_finer: Sequence[Detail]
+    box: tuple[Triple, Triple] | None
+    simplify: float | None
+    drop_small: bool
+    values: Any
+    threads: int
+    progress: Any
+    cancel: Any
+    part: tuple[int, int] | None
+
+
+def settings_of(
+    query: Query, isovalue: float, threads: int, progress: Any, cancel: Any, part: tuple[int, int] | None = None
+) -> _QuerySettings:
+    """Of a query and what is not its own; ``isovalue`` in place of its own, which may be 'auto'."""
+    box = None
+    if query.box is not None:
+        (ax, ay, az), (bx, by, bz) = query.box
+        box = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
+    return _QuerySettings(
+        isovalue, query._detail(), query.indices, query.or_finer, box, query.simplify, query.drop_small,
+        None if query.values is None else query.values._handle, threads, progress, cancel, part,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

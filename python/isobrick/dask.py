@@ -19,7 +19,7 @@ import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,8 @@ from . import _core
 from ._arrays import ArrayVolume, describe
 from ._build import JoinReport, SuperBrick, _Builder, _BuildSettings, _FileInput
 from ._errors import Error
-from ._pyramid import Isovalue, MergeReport
+from ._pyramid import MergeReport
+from ._query import Choice, Isovalue, Query, query_of
 from ._sizes import DEFAULT_MEMORY, byte_size
 
 #: Voxels around a super-brick that its coarser levels are made from, and more.
@@ -121,7 +122,7 @@ class MeshPart:
 
 def extract(
     pyramid: str | os.PathLike[str] | isobrick.Pyramid,
-    isovalue: Isovalue,
+    isovalue: Isovalue | Query,
     out: str | os.PathLike[str],
     *,
     parts: int | None = None,
@@ -133,20 +134,21 @@ def extract(
     zlib: bool = False,
     meshopt: bool = False,
     keep_shares: bool = False,
-    **query: Any,
+    **choice: Unpack[Choice],
 ) -> MergeReport:
     """The isosurface as one closed mesh file, that of ``Pyramid.extract_to`` byte by byte: a task for each of
     ``parts`` shares (None: four for each thread of the cluster), and one that merges them. The shares lie in the folder
     ``out + '.shares'``, which goes at the end unless ``keep_shares``; those of another call that are there stay.
 
+    isovalue    of the surface, or an ``isobrick.Query``
     focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, indices
-                of ``query``, as of ``Pyramid.extract_to``
+                of ``isobrick.Query``
     """
     name = os.path.abspath(os.fspath(out))
     if not force and os.path.exists(name):
         raise Error(f"'{name}' exists; give force=True to replace it", path=name)
     dask_client = _client_or_current(client)
-    path, chosen = _path_and_isovalue(pyramid, isovalue)
+    path, query = _path_and_query(pyramid, query_of(isovalue, choice))
     count = parts or 4 * max(1, sum(dask_client.nthreads().values()))
     folder = name + ".shares"
     os.makedirs(folder, exist_ok=True)
@@ -154,7 +156,7 @@ def extract(
     run = uuid.uuid4().hex[:8]
     futures = [
         dask_client.submit(
-            _share_task, path, chosen, share, (number, count), query, memory, threads,
+            _share_task, path, query, share, (number, count), memory, threads,
             key=f"isobrick-extract-{number}-{run}", retries=retries, pure=False,
         )
         for number, share in enumerate(shares, 1)
@@ -174,15 +176,20 @@ def extract(
 
 
 def delayed_parts(
-    pyramid: str | os.PathLike[str] | isobrick.Pyramid, isovalue: Isovalue, parts: int, *, threads: int = 1, **query: Any
+    pyramid: str | os.PathLike[str] | isobrick.Pyramid,
+    isovalue: Isovalue | Query,
+    parts: int,
+    *,
+    threads: int = 1,
+    **choice: Unpack[Choice],
 ) -> list[Any]:
     """The isosurface as a list of ``dask.delayed`` objects, each of which becomes a ``MeshPart``: for graphs of one's
-    own. ``query`` as of ``extract``. Together the parts have all triangles of the surface, each once."""
+    own. ``isovalue`` and its keywords as of ``extract``. Together the parts have all triangles of the surface, each once."""
     from dask.delayed import delayed
 
-    path, chosen = _path_and_isovalue(pyramid, isovalue)
+    path, query = _path_and_query(pyramid, query_of(isovalue, choice))
     task = delayed(_mesh_part, pure=True)
-    return [task(path, chosen, (number, parts), query, threads) for number in range(1, parts + 1)]
+    return [task(path, query, (number, parts), threads) for number in range(1, parts + 1)]
 
 
 def _is_local_path(source: Any) -> bool:
@@ -200,11 +207,12 @@ def _client_or_current(client: Any) -> Any:
         raise Error("there is no Dask cluster; make a dask.distributed.Client, or give one as client") from None
 
 
-def _path_and_isovalue(pyramid: Any, isovalue: Isovalue) -> tuple[str, float]:
+def _path_and_query(pyramid: Any, query: Query) -> tuple[str, Query]:
+    """With a number as isovalue."""
     if isinstance(pyramid, isobrick.Pyramid):
-        return pyramid.path, pyramid._isovalue(isovalue)
+        return pyramid.path, replace(query, isovalue=pyramid._isovalue(query.isovalue))
     with isobrick.open(pyramid, mmap=False) as opened:
-        return opened.path, opened._isovalue(isovalue)
+        return _path_and_query(opened, query)
 
 
 def _wait_for(client: Any, futures: Sequence[Any]) -> list[Any]:
@@ -343,14 +351,13 @@ def _join_task(folder: str, memory: int | str | None, threads: int) -> JoinRepor
 
 
 def _share_task(
-    path: str, isovalue: float, share: str, part: tuple[int, int], query: dict[str, Any], memory: int | str | None,
-    threads: int,
-) -> None:  # fmt: skip
+    path: str, query: Query, share: str, part: tuple[int, int], memory: int | str | None, threads: int
+) -> None:
     with _cancelled_with_task() as cancel, isobrick.open(path, memory=_memory_of_task(memory), mmap=False) as pyramid:
-        pyramid.extract_to(share, isovalue, part=part, force=True, threads=threads, cancel=cancel, **query)
+        pyramid.extract_to(share, query, part=part, force=True, threads=threads, cancel=cancel)
 
 
-def _mesh_part(path: str, isovalue: float, part: tuple[int, int], query: dict[str, Any], threads: int) -> MeshPart:
+def _mesh_part(path: str, query: Query, part: tuple[int, int], threads: int) -> MeshPart:
     with isobrick.open(path, mmap=False) as pyramid:
-        mesh = pyramid.extract(isovalue, part=part, threads=threads, **query)
+        mesh = pyramid.extract(query, part=part, threads=threads)
         return MeshPart(mesh.points, mesh.faces, mesh.normals, mesh.levels)

@@ -5,86 +5,18 @@ Points, focus and box are (x, y, z) in world units. Takes the package vtk, or Pa
 
 from __future__ import annotations
 
-import gc
-import weakref
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonCore import vtkPoints, vtkTypeInt32Array, vtkTypeInt64Array
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkImageData, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkCommonMath import vtkMatrix3x3
 
+from ._poly_data import poly_data_of, vtk_array
 from ._pyramid import Pyramid, Session
 
-if TYPE_CHECKING:
-    from ._mesh import Mesh
-
 __all__ = ["ImageSource", "Source", "image_data_of", "poly_data_of"]
-
-
-def _vtk_array(array: Any, name: str | None = None, copy: bool = False) -> Any:
-    """On the array's own memory, which it keeps alive; or a copy."""
-    result = numpy_to_vtk(array, deep=copy)
-    if name is not None:
-        result.SetName(name)
-    return result
-
-
-def _index_array(array: Any, copy: bool) -> Any:
-    """Of the very type that cells store: they would share the memory of another one, and not its owner."""
-    result: Any = (vtkTypeInt32Array if array.itemsize == 4 else vtkTypeInt64Array)()
-    result.SetVoidArray(array, array.size, 1)
-    if copy:
-        copied = result.NewInstance()
-        copied.DeepCopy(result)
-        return copied
-    result._numpy_reference = array
-    return result
-
-
-@cache
-def _cells_keep_memory() -> bool:
-    """Whether cells keep the memory of arrays that they were given; those of VTK 9.2 do not."""
-
-    class Watched(np.ndarray):
-        """An array with weak references."""
-
-    numbers = np.arange(0, 4, 3, dtype=np.int32).view(Watched)
-    watch = weakref.ref(numbers)
-    cells = vtkCellArray()
-    cells.SetData(_index_array(numbers, False), _index_array(np.arange(3, dtype=np.int32), True))
-    del numbers
-    gc.collect()
-    return watch() is not None
-
-
-def poly_data_of(mesh: Mesh, copy: bool = False) -> Any:
-    """A ``vtkPolyData``, points (x, y, z) in world units: with ``Normals``, ``level`` of the cells and, if there are
-    any, ``value``. On the memory of the mesh, which lives as long as the arrays of this object do; arrays that are
-    made of these by ``vtkDataArray.ShallowCopy`` do not keep it, so that a pipeline gets a ``copy``."""
-    result = vtkPolyData()
-    points = vtkPoints()
-    points.SetData(_vtk_array(mesh.points, copy=copy))
-    result.SetPoints(points)
-    # VTK has signed numbers: the same bits below 2^31.
-    faces = mesh.faces
-    is_small = 3 * len(faces) < 2**31
-    signed = faces.view(np.int32) if is_small else faces.astype(np.int64)
-    offsets = np.arange(0, 3 * len(faces) + 1, 3, dtype=signed.dtype)
-    copies_cells = copy or not _cells_keep_memory()
-    cells = vtkCellArray()
-    cells.SetData(_index_array(offsets, copies_cells), _index_array(signed.ravel(), copies_cells))
-    result.SetPolys(cells)
-    result.GetPointData().SetNormals(_vtk_array(mesh.normals, "Normals", copy))
-    result.GetCellData().AddArray(_vtk_array(mesh.levels, "level", copy))
-    values = mesh.values
-    if values is not None:
-        result.GetPointData().SetScalars(_vtk_array(values, "value", copy))
-    return result
 
 
 def _spacing_origin_direction(pyramid: Pyramid, level: int) -> tuple[list[float], list[float], list[float]]:
@@ -105,7 +37,7 @@ def image_data_of(pyramid: Pyramid, level: int = 0, into: Any = None) -> Any:
     matrix = vtkMatrix3x3()
     matrix.DeepCopy(direction)
     result.SetDirectionMatrix(matrix)
-    result.GetPointData().SetScalars(_vtk_array(samples.ravel(), "voxels", copy=True))
+    result.GetPointData().SetScalars(vtk_array(samples.ravel(), "voxels", copy=True))
     return result
 
 
@@ -197,7 +129,7 @@ class Source(VTKPythonAlgorithmBase):
         for isovalue in self._isovalues or [session.pyramid._isovalue("auto")]:
             surface = poly_data_of(session.extract(isovalue, **choice), copy=True)
             values = np.full(surface.GetNumberOfPolys(), isovalue, np.float32)
-            surface.GetCellData().AddArray(_vtk_array(values, "isovalue", copy=True))
+            surface.GetCellData().AddArray(vtk_array(values, "isovalue", copy=True))
             surfaces.append(surface)
         if len(surfaces) == 1:
             output.ShallowCopy(surfaces[0])

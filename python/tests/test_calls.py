@@ -254,3 +254,26 @@ def test_the_command_of_the_package(tmp_path: Path) -> None:
     assert done.returncode == 0 and isobrick.__version__ in done.stdout
     done = subprocess.run([entry, "extract", tmp_path / "none.isb", "--iso", "1"], capture_output=True, timeout=60)
     assert done.returncode == 1
+
+
+def test_a_query_is_what_its_keywords_are(head: Path, tmp_path: Path) -> None:
+    query = isobrick.Query(1324, focus=(64, 64, 30), radius=9, indices=True)
+    with isobrick.open(head) as pyramid:
+        wanted = pyramid.extract(1324, focus=(64, 64, 30), radius=9, indices=True)
+        session = pyramid.session()
+        for mesh in (pyramid.extract(query), session.extract(query), list(session.progressive(query))[-1]):
+            assert np.array_equal(mesh.points, wanted.points)
+            assert np.array_equal(mesh.faces, wanted.faces)
+        pyramid.extract_to(tmp_path / "query.ply", query)
+        pyramid.extract_to(tmp_path / "words.ply", 1324, focus=(64, 64, 30), radius=9, indices=True)
+        assert (tmp_path / "query.ply").read_bytes() == (tmp_path / "words.ply").read_bytes()
+        changed = pyramid.extract(query, focus=None, radius=None, level=1)
+        assert np.array_equal(changed.points, pyramid.extract(1324, level=1).points)
+        with pytest.raises(isobrick.Error, match="belong together"):
+            isobrick.Query(1324, focus=(1, 2, 3))
+        with pytest.raises(isobrick.Error, match="drop_small goes with simplify"):
+            pyramid.extract(query, drop_small=True)
+        with pytest.raises(TypeError, match="radios"):
+            pyramid.extract(1324, radios=3)  # type: ignore[call-arg]
+        with pytest.raises(isobrick.Error, match="progressive"):
+            next(session.progressive(query, values=pyramid))
