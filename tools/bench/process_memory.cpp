@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -20,15 +19,6 @@
 namespace isobrick {
 namespace {
 
-// The bytes of a line such as "VmHWM:     1234 kB"; 0 if there is none.
-std::uint64_t bytesInLine(const char* path, const std::string& name) {
-  std::ifstream file(path);
-  for (std::string line; std::getline(file, line);)
-    if (line.rfind(name + ":", 0) == 0)
-      return 1024 * std::strtoull(line.c_str() + name.size() + 1, nullptr, 10);
-  return 0;
-}
-
 OpenDescriptor openedForReading(const std::string& path) {
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) throw Error(fmt::format("cannot open '{}': {}", path, std::strerror(errno)));
@@ -37,17 +27,16 @@ OpenDescriptor openedForReading(const std::string& path) {
 
 }  // namespace
 
-std::uint64_t peakOfProcess() { return bytesInLine("/proc/self/status", "VmHWM"); }
+std::uint64_t peakOfProcess() {
+  const std::string name = "VmHWM:";  // "VmHWM:     1234 kB"
+  std::ifstream file("/proc/self/status");
+  for (std::string line; std::getline(file, line);)
+    if (line.rfind(name, 0) == 0)
+      return 1024 * std::strtoull(line.c_str() + name.size(), nullptr, 10);
+  return 0;
+}
 
 void forgetPeak() { std::ofstream("/proc/self/clear_refs") << "5"; }
-
-std::uint64_t hugePageBytes() { return bytesInLine("/proc/self/smaps_rollup", "AnonHugePages"); }
-
-void refuseHugePages() {
-  if (prctl(PR_SET_THP_DISABLE, 1, 0, 0, 0) != 0)
-    throw Error(fmt::format("cannot go without huge pages: {}; leave out --huge-pages off",
-                            std::strerror(errno)));
-}
 
 void dropFromPageCache(const std::string& path) {
   const OpenDescriptor file = openedForReading(path);

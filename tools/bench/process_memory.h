@@ -1,4 +1,4 @@
-// This process's memory as the system counts it, and the kind of its pages.
+// This process's memory as the system counts it, and what of a file is in memory.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,6 @@ std::uint64_t peakOfProcess();
 // From here on the peak counts anew. If the system does not allow it, the old peak stays.
 void forgetPeak();
 
-// Bytes of this process's own memory that lie in huge pages.
-std::uint64_t hugePageBytes();
-// No huge pages for this process from here on, whatever it or a library requests. Throws Error if
-// the system refuses.
-void refuseHugePages();
 // The setting (NAME=value) that makes the C library request huge pages in every large allocation of
 // a program that starts with it; glibc 2.35 and later.
 inline constexpr char kAllocateHugePages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1";

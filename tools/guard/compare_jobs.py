@@ -36,8 +36,6 @@ def worse_figures(job):
     """Names of the measures in which a job became worse."""
     if "failure" in job:
         return ["failed"]
-    if "left_out" in job:
-        return []
     found = []
     if time_is_worse(job["seconds"]["base"], job["seconds"]["head"]):
         found.append("time")
@@ -61,8 +59,6 @@ def pair(base, head, unit, digits):
 def cells_of(job):
     if "failure" in job:
         return [job["name"], "failed: " + job["failure"]]
-    if "left_out" in job:
-        return [job["name"], "left out: " + job["left_out"]]
     base, head = (job["seconds"][side] for side in ("base", "head"))
     time = pair(median(base), median(head), 1e-3, 1)
     time[2] = f"{100 * (median(h / b for b, h in zip(base, head)) - 1):+.0f} %"

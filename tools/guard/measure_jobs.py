@@ -2,7 +2,7 @@
 """Measures the jobs of tools/bench_guard.sh with two builds of isobrick, in turns.
 
     measure_jobs.py BASE_BUILD HEAD_BUILD -o TABLE.json [--work FOLDER] [--rounds N] [--voxels N]
-                    [--names BASE HEAD] [--jobs NAME ...] [--no-instructions]
+                    [--names BASE HEAD] [--jobs NAME ...]
 
 Each build works on pyramids that it made itself. TABLE.json has for each job its `seconds` and `peak_bytes`
 (a list for each build, a number for each round), `bytes_read` and `instructions` (a number for each build)."""
@@ -11,14 +11,13 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
 import compare_jobs
-import timed_run
 
 SIDES = ("base", "head")
 # A job that seems slower is measured again so often, and must seem so each time: others' work may do that once.
@@ -26,28 +25,30 @@ CONFIRMATIONS = 3
 ISO = "600.5"
 
 
+class Failed(Exception):
+    """A program that ended with another status than 0, and its last line."""
+
+
 class Side:
     """A build, its folder, and its files there. The volume is the same for both."""
 
-    def __init__(self, build, folder, volume, voxels):
-        self.build, self.folder, self.volume, self.voxels = Path(build), folder, volume, voxels
+    def __init__(self, build, folder, volume):
+        self.build, self.folder, self.volume = Path(build), folder, volume
         folder.mkdir(parents=True, exist_ok=True)
         self.none, self.lz4 = folder / "none.isb", folder / "lz4.isb"
+        for codec, file in (("none", self.none), ("lz4", self.lz4)):
+            subprocess.run(self.isobrick("build", volume, "-o", file, "--codec", codec, "--force", "--rebuild"),
+                           check=True, stdout=subprocess.DEVNULL)
 
     def isobrick(self, *words):
         return [self.build / "isobrick", *words]
-
-    def prepare(self):
-        for codec, file in (("none", self.none), ("lz4", self.lz4)):
-            subprocess.run(self.isobrick("build", self.volume, "-o", file, "--codec", codec, "--force", "--rebuild"),
-                           check=True, stdout=subprocess.DEVNULL)
 
 
 class Job:
     """The job of a side. Before each run, which is not measured, `before` may lay things out."""
 
-    def __init__(self, name, command, before=None, environment=None, counts_instructions=True):
-        self.name, self.command, self.before, self.environment = name, command, before, environment
+    def __init__(self, name, command, before=lambda side: None, counts_instructions=True):
+        self.name, self.command, self.before = name, command, before
         # Waits and drivers make the number of some jobs a matter of chance.
         self.counts_instructions = counts_instructions
 
@@ -57,99 +58,42 @@ def remove_built(side):
         file.unlink()
 
 
-class NotComparable(Exception):
-    """Both builds work, and chance did not let them do the same."""
-
-
-# ---- Resume: a build that was killed in the middle, with as many good bricks on both sides ----------------
-
-
-def kill_in_the_middle(side):
-    """Leaves what a build has when it is killed half-way, in the folder `killed`."""
-    killed = side.folder / "killed"
-    shutil.rmtree(killed, ignore_errors=True)
-    killed.mkdir()
-    process = subprocess.Popen(list(map(str, side.isobrick("build", side.volume, "-o", killed / "built.isb", "--codec",
-                                                           "none", "--threads", "1"))), stdout=subprocess.DEVNULL)
-    half = side.none.stat().st_size / 2
-    while process.poll() is None and timed_run.bytes_by_calls(process.pid, "wchar") < half:
-        time.sleep(0.001)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-
-
-def lay_out_killed(side):
-    remove_built(side)
-    for file in (side.folder / "killed").iterdir():
-        shutil.copyfile(file, side.folder / file.name)
-
-
-def resume_command(side):
-    return side.isobrick("build", side.volume, "-o", side.folder / "built.isb", "--codec", "none", "--resume", "--json")
-
-
-def bricks_resumed(side):
-    lay_out_killed(side)
-    done = subprocess.run(resume_command(side), check=True, capture_output=True, text=True)
-    return json.loads(done.stdout)["bricks_resumed"]
-
-
-def prepare_resume(sides):
-    """The moment of a kill is a matter of chance: it is tried until both sides have the same number."""
-    tries = {side: {} for side in SIDES}
-    for _ in range(12):
-        for name in SIDES:
-            kill_in_the_middle(sides[name])
-            number = bricks_resumed(sides[name])
-            if number > 0 and number not in tries[name]:
-                kept = sides[name].folder / f"killed-{number}"
-                shutil.rmtree(kept, ignore_errors=True)
-                shutil.copytree(sides[name].folder / "killed", kept)
-                tries[name][number] = kept
-        if both := set(tries["base"]) & set(tries["head"]):
-            number = max(both)
-            for name in SIDES:
-                shutil.rmtree(sides[name].folder / "killed")
-                shutil.copytree(tries[name][number], sides[name].folder / "killed")
-            return
-    raise NotComparable("no two killed builds had the same number of bricks")
-
-
-# ---- The jobs ---------------------------------------------------------------------------------------------
+def drop_packed(side):
+    with open(side.lz4, "rb") as file:
+        os.fsync(file.fileno())
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def jobs_of(voxels):
-    focus = ["--iso", ISO, "--focus", f"{voxels // 2},{voxels // 5},{voxels // 2}", "--radius", str(voxels // 8)]
+    focus = ["--focus", f"{voxels // 2},{voxels // 5},{voxels // 2}", "--radius", str(voxels // 8)]
 
     def build(*words):
         return lambda side: side.isobrick("build", side.volume, "-o", side.folder / "built.isb", *words)
 
     def extract(file, *words):
-        return lambda side: side.isobrick("extract", getattr(side, file), *words, "--json")
+        return lambda side: side.isobrick("extract", getattr(side, file), "--iso", ISO, *words, "--json")
 
-    def drop(side):
-        timed_run.drop_from_page_cache(side.lz4)
+    def render(side):
+        return side.isobrick("render", side.none, "--iso", ISO, "--size", "320x240", "-o", side.folder / "built.png",
+                             "--force")
 
-    uniform = ["--iso", ISO]
     return [
         Job("build", build("--codec", "none", "--no-curvature"), remove_built),
         Job("build with curvature", build(), remove_built),
-        Job("resume", resume_command, lay_out_killed, counts_instructions=False),
         Job("convert", lambda side: side.isobrick("convert", side.lz4, "-o", side.folder / "built.nrrd"), remove_built),
-        Job("extract, 9 times", extract("none", *uniform, "--repeat", "9")),
+        Job("volume to mesh", lambda side: side.isobrick("extract", side.volume, "--iso", ISO, "-o",
+                                                         side.folder / "built.ply"), remove_built),
+        Job("extract, 9 times", extract("none", "--repeat", "9")),
         Job("extract around a focus, 31 times", extract("none", *focus, "--repeat", "31")),
         Job("extract by curvature, 9 times", extract("none", *focus, "--curvature-radius", "20", "--repeat", "9")),
-        Job("extract, packed, 9 times", extract("lz4", *uniform, "--repeat", "9")),
-        Job("cold query", extract("lz4", *uniform), drop),
-        Job("first query", extract("none", *uniform)),
-        Job("progressive query, 9 times",
-            lambda side: [side.build / "tests/isobrick_benchmarks", "--benchmark_filter=firstAndLastSurface/0"],
-            environment=lambda side: {"ISOBRICK_BENCHMARK_PYRAMID": str(side.lz4), "ISOBRICK_BENCHMARK_ISOVALUE": ISO},
+        Job("extract, packed, 9 times", extract("lz4", "--repeat", "9")),
+        Job("cold query", extract("lz4"), drop_packed),
+        Job("first query", extract("none")),
+        Job("progressive query", lambda side: [side.build / "tests/progressive_times", side.lz4, ISO, "2"], drop_packed,
             counts_instructions=False),
-        Job("simplify", extract("none", *uniform, "--simplify", "1")),
-        Job("components", extract("none", *uniform, "--components")),
-        Job("render", lambda side: side.isobrick("render", side.none, "--iso", ISO, "--size", "320x240", "-o",
-                                                 side.folder / "built.png", "--force"), counts_instructions=False),
+        Job("simplify", extract("none", "--simplify", "1")),
+        Job("components", extract("none", "--components")),
+        Job("render", render, counts_instructions=False),
         Job("info", lambda side: side.isobrick("info", side.none, "--json")),
     ]
 
@@ -157,21 +101,41 @@ def jobs_of(voxels):
 # ---- Measuring --------------------------------------------------------------------------------------------
 
 
+def run(command):
+    """A dict of seconds, peak_bytes and bytes_read of a program. Throws Failed."""
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
+        began = time.perf_counter()
+        process = subprocess.Popen(list(map(str, command)), stdin=subprocess.DEVNULL, stdout=output, stderr=errors)
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        seconds = time.perf_counter() - began
+        with open(f"/proc/{process.pid}/io", encoding="ascii") as file:
+            bytes_read = next(int(line.split()[1]) for line in file if line.startswith("rchar"))
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        output.seek(0)
+        errors.seek(0)
+        if process.returncode != 0:
+            lines = errors.read().decode(errors="replace").strip().splitlines()
+            raise Failed(lines[-1] if lines else f"{command[0]} ended with {process.returncode}")
+        # isobrick counts its reads through the map, too; other programs and commands do not say.
+        said = re.search(rb'"bytes_read": (\d+)', output.read())
+        return {"seconds": seconds, "peak_bytes": 1024 * usage.ru_maxrss,
+                "bytes_read": int(said[1]) if said else bytes_read}
+
+
 def run_once(job, side):
-    if job.before:
-        job.before(side)
-    return timed_run.run(job.command(side), job.environment and job.environment(side))
+    job.before(side)
+    return run(job.command(side))
 
 
 def instructions(job, side):
     """Instructions of one thread, under callgrind; None if the job does not end well there."""
-    if job.before:
-        job.before(side)
+    job.before(side)
     # Once is enough, as the number hardly changes.
     words = list(map(str, job.command(side)))
     if "--repeat" in words:
         words[words.index("--repeat") + 1] = "1"
-    if words[1] not in ("info", "bench"):
+    if words[1] != "info":
         words += ["--threads", "1"]
     done = subprocess.run(["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", "--trace-children=yes",
                            *words], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
@@ -194,6 +158,20 @@ def measure(job, sides, rounds):
     return row
 
 
+def measured(job, sides, rounds, small):
+    try:
+        row = measure(job, sides, rounds)
+        for _ in range(CONFIRMATIONS):
+            if not compare_jobs.time_is_worse(*(row["seconds"][name] for name in SIDES)):
+                break
+            row = {**measure(job, sides, 2 * rounds), "measured_again": True}
+        if small and job.counts_instructions:
+            row["instructions"] = {name: instructions(job, small[name]) for name in SIDES}
+        return row
+    except (Failed, OSError, subprocess.CalledProcessError) as failure:
+        return {"name": job.name, "failure": str(failure)}
+
+
 def main():
     parser = argparse.ArgumentParser(description="Measures jobs with two builds of isobrick, in turns.")
     parser.add_argument("builds", nargs=2, metavar="BUILD")
@@ -203,7 +181,6 @@ def main():
     parser.add_argument("--voxels", default=256, type=int)
     parser.add_argument("--names", nargs=2, default=list(SIDES))
     parser.add_argument("--jobs", nargs="+", default=[], help="only these")
-    parser.add_argument("--no-instructions", action="store_true")
     arguments = parser.parse_args()
     jobs = jobs_of(arguments.voxels)
     if unknown := set(arguments.jobs) - {job.name for job in jobs}:
@@ -215,41 +192,20 @@ def main():
         volume = folder / f"head{voxels}.mhd"
         subprocess.run([str(Path(arguments.builds[0]) / "isobrick"), "phantom", "head", "--voxels", str(voxels), "-o",
                         str(volume), "--force"], check=True, stdout=subprocess.DEVNULL)
-        sides = {name: Side(build, folder / name, volume, voxels) for name, build in zip(SIDES, arguments.builds)}
-        for side in sides.values():
-            side.prepare()
-        return sides
+        return {name: Side(build, folder / name, volume) for name, build in zip(SIDES, arguments.builds)}
 
-    sides = both(arguments.work / "large", arguments.voxels)
-    small = None
-    counts, why = not arguments.no_instructions, "as --no-instructions says"
-    if counts and not shutil.which("valgrind"):
-        counts, why = False, "valgrind is missing; 'apt-get install valgrind' brings it"
-    if counts:
+    sides, small, why = both(arguments.work / "large", arguments.voxels), None, None
+    if shutil.which("valgrind"):
         # Under callgrind everything takes some fifty times as long.
         small = both(arguments.work / "small", min(96, arguments.voxels))
     else:
+        why = "valgrind is missing; 'apt-get install valgrind' brings it"
         print(f"measure_jobs.py: instructions are not counted: {why}", file=sys.stderr)
     table = {"names": arguments.names, "rounds": arguments.rounds, "voxels": arguments.voxels,
-             "load": [os.getloadavg()[0]], "instructions_left_out": None if counts else why, "jobs": []}
+             "load": [os.getloadavg()[0]], "instructions_left_out": why, "jobs": []}
     for job in jobs:
         print(f"measure_jobs.py: {job.name}", file=sys.stderr)
-        row = {"name": job.name}
-        try:
-            if job.name == "resume":
-                prepare_resume(sides)
-            row = measure(job, sides, arguments.rounds)
-            for _ in range(CONFIRMATIONS):
-                if not compare_jobs.time_is_worse(*(row["seconds"][name] for name in SIDES)):
-                    break
-                row = {**measure(job, sides, 2 * arguments.rounds), "measured_again": True}
-            if counts and job.counts_instructions:
-                row["instructions"] = {name: instructions(job, small[name]) for name in SIDES}
-        except NotComparable as reason:
-            row["left_out"] = str(reason)
-        except (timed_run.Failed, OSError, subprocess.CalledProcessError) as failure:
-            row["failure"] = str(failure)
-        table["jobs"].append(row)
+        table["jobs"].append(measured(job, sides, arguments.rounds, small))
     table["load"].append(os.getloadavg()[0])
     part = Path(arguments.output + ".part")
     part.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")

@@ -55,7 +55,7 @@ for name in ("BENCHMARKS.md", "figures/bench-extraction.svg"):
     expect_failure(name, committed, f"{work}/docs", "--check")
     assert make(committed, f"{work}/docs").returncode == 0
 changed = copy.deepcopy(run)
-changed["results"]["building"]["rows"][0]["seconds"]["median"] *= 1.5
+changed["results"]["building-head"]["rows"][0]["seconds"]["median"] *= 1.5
 with open(f"{work}/changed.json", "w", encoding="utf-8") as file:
     json.dump(changed, file)
 expect_failure("BENCHMARKS.md", f"{work}/changed.json", f"{work}/docs", "--check")
@@ -70,17 +70,33 @@ assert make(committed).returncode == 2
 
 # A peer that could not be had, and one that failed, are named.
 gone = copy.deepcopy(run)
-rows = gone["results"]["cold"]["rows"]
+rows = gone["results"]["cold-head"]["rows"]
 rows += [{"name": "absent", "failure": measure.NOT_THERE}, {"name": "broken", "failure": "no memory"}]
 words = page_of(gone, f"{work}/gone")
-assert "`absent`" in words and "broken of cold (no memory)" in words
+assert "`absent`" in words and "broken of cold-head (no memory)" in words
 
-# A step whose result is there is not measured again.
-options = measure.argparse.Namespace(work=f"{work}/steps", build="", data="none", venv="none", quick=True, vtk="none")
+# A table whose step is missing says so.
+del gone["results"]["kernels"]
+assert "Not measured." in page_of(gone, f"{work}/gone")
+
+# Rows are measured in turns, medians of all rounds; one that fails does not end the others.
 calls = []
+def way(name, seconds):
+    return lambda: calls.append(name) or {"seconds": [seconds.pop(0)], "bytes": len(calls)}
+def fail():
+    raise measure.Failed("broken")
+rows = measure.turns(3, {"a": way("a", [3, 1, 2]), "b": fail, "c": way("c", [5, 5, 5])})
+assert calls == ["a", "c"] * 3
+assert rows[0] == {"name": "a", "seconds": {"median": 2, "min": 1, "max": 3, "runs": 3}, "bytes": 5}
+assert rows[1] == {"name": "b", "failure": "broken"} and rows[2]["seconds"]["median"] == 5
+
+# A step whose result is there is not measured again, and its file has a line for each row.
+calls.clear()
 for _ in range(2):
-    suite = measure.Suite(options)
-    result = suite.step("once", lambda: calls.append(1) or [{"name": "row"}])
-    assert result["rows"] == [{"name": "row"}]
+    suite = measure.Suite(measure.argparse.Namespace(work=f"{work}/steps", build="", data="none", venv="none", quick=True))
+    result = suite.step("once", lambda: calls.append(1) or rows)
+    assert result["rows"] == rows
 assert len(calls) == 1
+with open(f"{work}/steps/results/once.json", encoding="utf-8") as file:
+    assert '\n  {"name": "b", "failure": "broken"},\n' in file.read()
 print("the page is what its JSON gives")

@@ -6,7 +6,6 @@
 #include <sys/vfs.h>
 
 #include <cstring>
-#include <fstream>
 
 #include "isobrick/storage/error.h"
 #include "tests/support/child_process.h"
@@ -20,41 +19,22 @@ using namespace test;
 
 constexpr std::size_t kBytes = std::size_t{64} << 20;
 
-// Memory that asks for huge pages, written to.
-void* touchMemory() {
+// Written to, so that all of it is resident for a moment.
+void touchMemory() {
   void* const memory =
       mmap(nullptr, kBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (memory == MAP_FAILED) return nullptr;
-  madvise(memory, kBytes, MADV_HUGEPAGE);
   std::memset(memory, 1, kBytes);
-  return memory;
+  munmap(memory, kBytes);
 }
 
 TEST(ProcessMemory, ThePeakStaysUntilItIsForgotten) {
   expectChildLeavesWith(0, [] {
     const std::uint64_t before = peakOfProcess();
-    munmap(touchMemory(), kBytes);
+    touchMemory();
     const std::uint64_t peak = peakOfProcess();
     if (peak < before + kBytes / 2) return 1;
     forgetPeak();
     return peakOfProcess() < peak - kBytes / 2 ? 0 : 2;
-  });
-}
-
-bool systemHasHugePages() {
-  std::ifstream file("/sys/kernel/mm/transparent_hugepage/enabled");
-  std::string text;
-  std::getline(file, text);
-  return text.find("[always]") != std::string::npos || text.find("[madvise]") != std::string::npos;
-}
-
-TEST(ProcessMemory, HugePagesComeAndAreRefused) {
-  if (systemHasHugePages())
-    expectChildLeavesWith(0, [] { return touchMemory() && hugePageBytes() > 0 ? 0 : 1; });
-  expectChildLeavesWith(0, [] {
-    refuseHugePages();
-    const std::uint64_t before = hugePageBytes();
-    return touchMemory() && hugePageBytes() <= before ? 0 : 1;
   });
 }
 
