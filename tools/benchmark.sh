@@ -42,7 +42,7 @@ fi
 
 say "building in $folder/build"
 quietly cmake --preset release -B "$folder/build"
-programs=(isobrick isobrick-build isobrick-view progressive_times)
+programs=(isobrick isobrick-build isobrick-view)
 [ ! -d "$folder/build/tests/house/CMakeFiles/isobrick_benchmarks.dir" ] || programs+=(isobrick_benchmarks)
 quietly cmake --build "$folder/build" --parallel "$(nproc)" --target "${programs[@]}"
 

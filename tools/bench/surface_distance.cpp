@@ -125,76 +125,48 @@ class TriangleTree {
 struct SurfacePoint {
   glm::vec3 position;
   float area;  // 0: a vertex
+  double distance;
 };
 
-struct TriangleCorners {
-  glm::dvec3 a, b, c;
-
-  double area() const { return 0.5 * glm::length(glm::cross(b - a, c - a)); }
-  // Into how many parts every edge is cut so that no part is longer than a voxel.
-  std::int64_t cuts() const {
-    const double longest = std::max({glm::length(b - a), glm::length(c - b), glm::length(a - c)});
-    return std::clamp(static_cast<std::int64_t>(std::ceil(longest)), std::int64_t{1},
-                      std::int64_t{4096});
-  }
-};
-
-class PointPicker {
- public:
-  PointPicker(const PlainMesh& mesh, const DistanceOptions& options)
-      : mesh_(mesh), lower_(1.0), upper_(options.voxels - Index3(2)) {
-    std::size_t all = mesh.positions.size();
-    for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-      const std::int64_t cuts = triangle(t).cuts();
-      all += static_cast<std::size_t>(cuts * cuts);
-    }
-    // Odd, as triangles often come in pairs, of which an even step would take only one half.
-    stride_ = ((all + options.most_points - 1) / options.most_points) | 1u;
-  }
-
-  std::vector<SurfacePoint> points() {
-    for (std::uint32_t v = 0; v < mesh_.positions.size(); ++v) take(cornerOf(mesh_, v), 0);
-    for (std::uint32_t t = 0; t < mesh_.triangles.size(); ++t) takePieces(triangle(t));
-    return std::move(points_);
-  }
-
- private:
-  TriangleCorners triangle(std::uint32_t number) const {
-    const auto& [a, b, c] = mesh_.triangles[number];
-    return {cornerOf(mesh_, a), cornerOf(mesh_, b), cornerOf(mesh_, c)};
-  }
-
-  void take(const glm::dvec3& point, double area) {
-    if (++seen_ % stride_ != 0) return;
-    if (glm::any(glm::lessThan(point, lower_)) || glm::any(glm::greaterThan(point, upper_))) return;
-    points_.push_back({glm::vec3(point), static_cast<float>(area)});
-  }
-
-  // A triangle cut into n^2 equal ones: n(n+1)/2 as it stands and n(n-1)/2 the other way round.
-  void takePieces(const TriangleCorners& triangle) {
-    const std::int64_t n = triangle.cuts();
-    const glm::dvec3 u = (triangle.b - triangle.a) / static_cast<double>(n);
-    const glm::dvec3 v = (triangle.c - triangle.a) / static_cast<double>(n);
-    const double area = triangle.area() / static_cast<double>(n * n);
-    for (std::int64_t i = 0; i < n; ++i)
-      for (std::int64_t j = 0; i + j < n; ++j) {
-        const glm::dvec3 corner =
-            triangle.a + static_cast<double>(i) * u + static_cast<double>(j) * v;
+// Calls take(position, area) for every vertex and for the centroid of every piece. A triangle is
+// cut into n^2 equal pieces: n(n+1)/2 as it stands and n(n-1)/2 the other way round.
+template <typename Take>
+void forEachPoint(const PlainMesh& mesh, Take take) {
+  for (std::uint32_t v = 0; v < mesh.positions.size(); ++v)
+    take(glm::dvec3(cornerOf(mesh, v)), 0.0);
+  for (const auto& [first, second, third] : mesh.triangles) {
+    const glm::dvec3 a = cornerOf(mesh, first);
+    glm::dvec3 u = glm::dvec3(cornerOf(mesh, second)) - a;
+    glm::dvec3 v = glm::dvec3(cornerOf(mesh, third)) - a;
+    const double longest = std::max({glm::length(u), glm::length(v), glm::length(u - v)});
+    const double cuts = std::clamp(std::ceil(longest), 1.0, 4096.0);
+    u /= cuts;
+    v /= cuts;
+    const double area = 0.5 * glm::length(glm::cross(u, v));
+    const int n = static_cast<int>(cuts);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; i + j < n; ++j) {
+        const glm::dvec3 corner = a + static_cast<double>(i) * u + static_cast<double>(j) * v;
         take(corner + (u + v) / 3.0, area);
         if (i + j + 1 < n) take(corner + 2.0 * (u + v) / 3.0, area);
       }
   }
+}
 
-  const PlainMesh& mesh_;
-  const glm::dvec3 lower_, upper_;
-  std::size_t stride_ = 1, seen_ = 0;
-  std::vector<SurfacePoint> points_;
-};
-
-struct MeasuredPoint {
-  double distance;
-  double area;
-};
+std::vector<SurfacePoint> chosenPoints(const PlainMesh& mesh, const DistanceOptions& options) {
+  std::size_t all = 0, seen = 0;
+  forEachPoint(mesh, [&](const glm::dvec3&, double) { ++all; });
+  // Odd, as triangles often come in pairs, of which an even step would take only one half.
+  const std::size_t stride = ((all + options.most_points - 1) / options.most_points) | 1u;
+  const glm::dvec3 lower(1.0), upper(options.voxels - Index3(2));
+  std::vector<SurfacePoint> points;
+  forEachPoint(mesh, [&](const glm::dvec3& point, double area) {
+    if (++seen % stride == 0 && glm::all(glm::greaterThanEqual(point, lower)) &&
+        glm::all(glm::lessThanEqual(point, upper)))
+      points.push_back({glm::vec3(point), static_cast<float>(area), 0});
+  });
+  return points;
+}
 
 constexpr std::uint64_t kBytesEach = 12;  // of a position, and of a triangle
 
@@ -244,36 +216,30 @@ PlainMesh readPlainMesh(const std::string& path) {
 
 OneWayDistance distanceFrom(const PlainMesh& from, const PlainMesh& to,
                             const DistanceOptions& options) {
-  const std::vector<SurfacePoint> points = PointPicker(from, options).points();
+  std::vector<SurfacePoint> points = chosenPoints(from, options);
   const TriangleTree tree(to);
-  std::vector<MeasuredPoint> measured(points.size());
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 1024), [&](const auto& part) {
     std::uint32_t hint = 0;
     for (std::size_t i = part.begin(); i < part.end(); ++i)
-      measured[i] = {tree.distance(glm::dvec3(points[i].position), hint),
-                     static_cast<double>(points[i].area)};
+      points[i].distance = tree.distance(glm::dvec3(points[i].position), hint);
   });
-  tbb::parallel_sort(measured.begin(), measured.end(),
+  tbb::parallel_sort(points.begin(), points.end(),
                      [](const auto& a, const auto& b) { return a.distance < b.distance; });
 
   OneWayDistance result;
-  result.points = measured.size();
-  if (measured.empty()) return result;
-  result.max = measured.back().distance;
-  double area = 0, moment = 0;
-  for (const MeasuredPoint& point : measured) {
+  result.points = points.size();
+  if (points.empty()) return result;
+  result.max = points.back().distance;
+  double area = 0, moment = 0, below = 0;
+  for (const SurfacePoint& point : points) {
     area += point.area;
     if (point.area > 0) moment += point.area * point.distance;
   }
   if (area <= 0) return result;
   result.mean = moment / area;
-  double below = 0;
-  for (const MeasuredPoint& point : measured) {
-    below += point.area;
-    if (below < 0.99 * area) continue;
-    result.p99 = point.distance;
-    break;
-  }
+  result.p99 = std::find_if(points.begin(), points.end(), [&](const SurfacePoint& point) {
+                 return (below += point.area) >= 0.99 * area;
+               })->distance;
   return result;
 }
 

@@ -37,26 +37,6 @@ PlainMesh square(float z, std::uint32_t count, float end = 90) {
   return mesh;
 }
 
-// A sphere around (50,50,50), by longitude and latitude.
-PlainMesh sphere(double radius, std::uint32_t count) {
-  PlainMesh mesh;
-  for (std::uint32_t j = 0; j <= count; ++j)
-    for (std::uint32_t i = 0; i < 2 * count; ++i) {
-      const double polar = M_PI * j / count, around = M_PI * i / count;
-      mesh.positions.push_back(
-          {static_cast<float>(50 + radius * std::sin(polar) * std::cos(around)),
-           static_cast<float>(50 + radius * std::sin(polar) * std::sin(around)),
-           static_cast<float>(50 + radius * std::cos(polar))});
-    }
-  for (std::uint32_t j = 0; j < count; ++j)
-    for (std::uint32_t i = 0; i < 2 * count; ++i) {
-      const std::uint32_t next = (i + 1) % (2 * count), row = 2 * count;
-      mesh.triangles.push_back({j * row + i, j * row + next, (j + 1) * row + next});
-      mesh.triangles.push_back({j * row + i, (j + 1) * row + next, (j + 1) * row + i});
-    }
-  return mesh;
-}
-
 TEST(SurfaceDistance, ParallelPlanesHoweverTheyAreCut) {
   const PlainMesh coarse = square(20, 1), fine = square(20.25f, 73);
   for (const OneWayDistance d :
@@ -65,18 +45,6 @@ TEST(SurfaceDistance, ParallelPlanesHoweverTheyAreCut) {
     EXPECT_DOUBLE_EQ(d.p99, 0.25);
     EXPECT_DOUBLE_EQ(d.max, 0.25);
     EXPECT_GT(d.points, 6400u) << "a coarse mesh is looked at as closely as a fine one";
-  }
-}
-
-TEST(SurfaceDistance, ConcentricSpheres) {
-  const PlainMesh inner = sphere(20, 100), outer = sphere(20.5, 75);
-  for (const OneWayDistance d :
-       {distanceFrom(inner, outer, kOptions), distanceFrom(outer, inner, kOptions)}) {
-    // Facets of 75 rings lie up to 20.5 (1 - cos(pi / 150)) and a little more inside of their
-    // sphere.
-    EXPECT_NEAR(d.mean, 0.5, 0.01);
-    EXPECT_NEAR(d.p99, 0.5, 0.02);
-    EXPECT_NEAR(d.max, 0.5, 0.02);
   }
 }
 

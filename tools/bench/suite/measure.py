@@ -160,7 +160,7 @@ class Suite:
         info = run_json(self.isobrick, "info", paths["isb"], "--json")
         write_json(paths["json"], {"raw": os.path.abspath(paths["raw"]), "type": info["voxel_type"],
                                    "raw_type": RAW_TYPES[info["voxel_type"]], "shape": info["dimensions"][::-1],
-                                   "pyramid": os.path.abspath(paths["isb"]), "isovalue": isovalue})
+                                   "pyramid": os.path.abspath(paths["isb"]), "isovalue": isovalue, "focus": focus})
         return {"key": key, "title": title, "real": real, "dimensions": info["dimensions"], "type": info["voxel_type"],
                 "isovalue": isovalue, "focus": focus, "bytes": info["bytes"]["raw"], "pyramid": paths["isb"],
                 "raw": paths["raw"], "layout": paths["json"],
@@ -238,15 +238,16 @@ class Suite:
 
     def array_to_mesh(self, volume):
         rows = self.bench(volume, ["isobrick", "vtkFlyingEdges3D", "skimage", "PyMCubes"])
-        if not self.python:
-            return rows
-        return ours(turns(self.rounds, {name: self.python_row(self.python, name, volume) for name in (
-            "isobrick.isosurface", "isobrick.marching_cubes", "isobrick session", "build of an array",
-            "build of a raw file")})) + rows
+        return ours(self.python_rows(volume, "isobrick.isosurface", "isobrick.marching_cubes", "isobrick session",
+                                     "build of an array", "build of a raw file")) + rows
 
-    def python_row(self, python, name, volume, out=None):
-        return lambda: run_json(python, f"{HERE}/python_rows.py", name, volume["layout"], THREADS,
-                                out or f"{self.work}/volumes/python.isb", env=self.python_env)
+    def python_row(self, name, volume):
+        return run_json(self.python, f"{HERE}/python_rows.py", name, volume["layout"], THREADS,
+                        f"{self.work}/volumes/python.isb", env=self.python_env)
+
+    def python_rows(self, volume, *names):
+        ways = {name: lambda name=name: self.python_row(name, volume) for name in names}
+        return turns(self.rounds, ways) if self.python else []
 
     # ---- what isobrick does with a pyramid -----------------------------------------------------------
 
@@ -268,19 +269,14 @@ class Suite:
         return ours(turns(self.rounds, {name: query(words) for name, words in kinds.items()}))
 
     def first_query(self, volume):
-        radius = max(volume["dimensions"]) // 10
-
-        def progressive(words):
+        def cold(name):
             def way():
                 drop_from_page_cache(volume["pyramid"])
-                report = run_json(f"{self.build}/tests/progressive_times", volume["pyramid"], volume["isovalue"], THREADS, *words)
-                return {"first": [report["first"]], "seconds": [report["last"]], "triangles": report["triangles"],
-                        "first_triangles": report["first_triangles"]}
+                return self.python_row(name, volume)
             return way
 
-        return ours(turns(3 * self.rounds, {
-            "everything": progressive([]),
-            f"focus, radius {radius}": progressive([",".join(map(str, volume["focus"])), radius])}))
+        names = ("progressive, everything", f"progressive, focus, radius {max(volume['dimensions']) // 10}")
+        return ours(turns(3 * self.rounds, {name: cold(name) for name in names})) if self.python else []
 
     def cold(self, volume):
         rows = self.bench(volume, ["isobrick", "vtkFlyingEdges3D", "openvdb-0", "skimage"], "--no-distances", "--page-cache",
@@ -315,10 +311,7 @@ class Suite:
         rows = ours(turns(self.rounds, {
             f"isobrick, {codec}{', no curvature' if bare else ''}": build("--codec", codec, *bare)
             for bare in ([], ["--no-curvature"]) for codec in ("lz4", "none", "zstd")}))
-        if self.python:
-            rows += turns(self.rounds, {name: self.python_row(self.python, name, volume) for name in (
-                "SimpleITK BinShrink", "SimpleITK Gaussians and Shrink")})
-        return rows
+        return rows + self.python_rows(volume, "SimpleITK BinShrink", "SimpleITK Gaussians and Shrink")
 
     def memory(self, volume):
         raw = ["--raw-dims", ",".join(map(str, volume["dimensions"])), "--raw-type", RAW_TYPES[volume["type"]]]
@@ -346,22 +339,13 @@ class Suite:
                         "peak_bytes": into["peak_rss_bytes"]}
             return way
 
-        def by_package(ending):
-            def way():
-                path = self.file(f"converted.{ending}")
-                row = self.python_row("/usr/bin/python3", f".{ending}", volume, path)()
-                return {**row, "bytes": size_of(path)}
-            return way
-
         copy = {"copy of the voxels, fsync": lambda: {"seconds": [copy_seconds(volume["raw"], self.file("copy"))],
                                                       "bytes": volume["bytes"]}}
         formats = {f".{e}": convert(e) for e in ("nrrd", "vti", "tif", "h5", "ome.zarr", "vdb", "nii.gz")}
-        packages = {"h5": "h5py, gzip", "ome.zarr": "zarr, Blosc", "nii.gz": "nibabel", "vdb": "pyopenvdb", "tif": "tifffile"}
-        return (turns(self.rounds, copy) + ours(turns(self.rounds, formats)) +
-                turns(self.rounds, {f".{e} by {name}": by_package(e) for e, name in packages.items()}))
+        return turns(self.rounds, copy) + ours(turns(self.rounds, formats))
 
     def kernels(self):
-        program = f"{self.build}/tests/isobrick_benchmarks"
+        program = f"{self.build}/tests/house/isobrick_benchmarks"
         if not os.path.exists(program):
             return [{"name": "kernels", "failure": NOT_THERE}]
         least = "0.1" if self.quick else "0.5"
@@ -373,27 +357,20 @@ class Suite:
     # ---- all of it -----------------------------------------------------------------------------------
 
     def versions(self):
-        found = {"isobrick": run(self.isobrick, "--version").split()[-1], "compiler": run("c++", "--version").splitlines()[0]}
-        for name, package in (("OpenVDB", "python3-openvdb"), ("TBB", "libtbb-dev")):
-            done = subprocess.run(["dpkg-query", "-W", "-f=${Version}", package], capture_output=True, text=True, check=False)
-            found[name] = done.stdout or "unknown"
-        if self.python:
-            for line in run(self.python, "-m", "pip", "freeze").splitlines():
-                name, _, version = line.partition("==")
-                if name.lower() in ("vtk", "scikit-image", "pymcubes", "numpy", "simpleitk"):
-                    found[f"PyPI {name}"] = version
-            found["Python"] = platform.python_version()
-        return found
+        packages = run(self.python, "-m", "pip", "freeze").splitlines() if self.python else []
+        named = re.compile(r"(vtk|scikit-image|pymcubes|numpy|simpleitk)==(.*)", re.IGNORECASE)
+        return {"isobrick": run(self.isobrick, "--version").split()[-1], "compiler": run("c++", "--version").splitlines()[0],
+                **{found[1]: found[2] for found in map(named.match, packages) if found}}
 
     def machine(self):
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            processor = re.search(r"^model name[^:]*: (.*)$", file.read(), re.MULTILINE)[1]
-        with open("/proc/meminfo", encoding="utf-8") as file:
-            memory = round(int(re.search(r"MemTotal: *(\d+)", file.read())[1]) / MIB)
-        with open("/sys/kernel/mm/transparent_hugepage/enabled", encoding="ascii") as file:
-            pages = file.read().split("[")[1].split("]")[0]
-        return {"processor": processor.strip(), "cores": os.cpu_count(), "memory_gib": memory, "kernel": platform.release(),
-                "system": platform.freedesktop_os_release()["PRETTY_NAME"], "huge_pages": pages}
+        def fact(path, pattern):
+            with open(path, encoding="utf-8") as file:
+                return re.search(pattern, file.read(), re.MULTILINE)[1].strip()
+
+        return {"processor": fact("/proc/cpuinfo", r"^model name[^:]*: (.*)$"), "cores": os.cpu_count(),
+                "memory_gib": round(int(fact("/proc/meminfo", r"MemTotal: *(\d+)")) / MIB), "kernel": platform.release(),
+                "system": platform.freedesktop_os_release()["PRETTY_NAME"],
+                "huge_pages": fact("/sys/kernel/mm/transparent_hugepage/enabled", r"\[(\w+)\]")}
 
     def measure(self, only=()):
         """(results, volumes)"""
@@ -418,12 +395,6 @@ class Suite:
 
 def is_ours(row):
     return row.startswith(("isobrick", "simplify"))
-
-
-def size_of(path):
-    if not os.path.isdir(path):
-        return os.path.getsize(path)
-    return sum(os.path.getsize(os.path.join(folder, name)) for folder, _, names in os.walk(path) for name in names)
 
 
 def remove(path):

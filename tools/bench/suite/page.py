@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 """Writes the page of benchmarks and its plots from the JSON of a run.
 
-  page.py benchmarks.json DOCS            writes DOCS/BENCHMARKS.md and DOCS/figures/bench-*.svg
-  page.py benchmarks.json DOCS --check    writes nothing; fails if they are not what it would write
+  page.py benchmarks.json DOCS      writes DOCS/BENCHMARKS.md and DOCS/figures/bench-*.svg
 
 The text is that of page.md beside this script. {{name}} there is a fact of the run (class Page), {{table STEPS: COLUMN; ...}} a
 table of steps, side by side or, with `stack`, below each other, and {{bars STEPS: COLUMN}} a plot. Needs nothing but Python.
@@ -213,20 +212,11 @@ def picture_of_bars(panels, unit):
                       '<rect width="100%" height="100%" fill="#ffffff"/>', *parts, "</svg>"]) + "\n"
 
 
-def differs(path, words):
-    try:
-        with open(path, encoding="utf-8") as file:
-            return file.read() != words
-    except FileNotFoundError:
-        return True
-
-
 def main():
-    arguments = [word for word in sys.argv[1:] if word != "--check"]
-    if len(arguments) != 2:
-        print("usage: page.py benchmarks.json DOCS [--check]", file=sys.stderr)
+    if len(sys.argv) != 3:
+        print("usage: page.py benchmarks.json DOCS", file=sys.stderr)
         sys.exit(2)
-    source, docs = arguments
+    source, docs = sys.argv[1:]
     try:
         with open(source, encoding="utf-8") as file:
             run = json.load(file)
@@ -235,17 +225,10 @@ def main():
         fail(f"cannot read '{source}': {error.strerror}; make it with tools/benchmark.sh")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         fail(f"'{source}' is no run of tools/benchmark.sh: {type(error).__name__} {error}; make it anew")
-    if "--check" in sys.argv:
-        wrong = [name for name, words in files.items() if differs(f"{docs}/{name}", words)]
-        if wrong:
-            fail(f"{', '.join(wrong)} in '{docs}' is not what '{source}' gives; change page.md or page.py, and run "
-                 f"page.py {source} {docs}")
-        return
     os.makedirs(f"{docs}/figures", exist_ok=True)
     for name, words in files.items():
-        with open(f"{docs}/{name}.part", "w", encoding="utf-8") as file:
+        with open(f"{docs}/{name}", "w", encoding="utf-8") as file:
             file.write(words)
-        os.replace(f"{docs}/{name}.part", f"{docs}/{name}")
 
 
 main()

@@ -2,7 +2,7 @@
 
   python_rows.py NAME VOLUME.json THREADS OUT
 
-The voxels are in memory before the time counts. A name that begins with a dot writes a file of that format.
+The voxels are in memory before the time counts.
 """
 
 import json
@@ -28,7 +28,7 @@ def isobrick_row():
         return lambda: isobrick.marching_cubes(array, layout["isovalue"])
     if name == "isobrick session":
         session = isobrick.open(layout["pyramid"]).session()
-        return lambda: session.extract(layout["isovalue"])
+        return lambda: session.extract(layout["isovalue"], threads=threads)
     if name == "build of an array":
         return lambda: isobrick.build(array, out, force=True)
     raw = isobrick.RawLayout(array.shape, layout["raw_type"])
@@ -52,52 +52,35 @@ def simpleitk_pyramid():
     return make
 
 
-def write_file():
-    if name == ".h5":
-        import h5py
+def progressive_query():
+    """From opening the pyramid to its first surface, and to the last one."""
+    import isobrick
 
-        def write():
-            with h5py.File(out, "w") as file:
-                file.create_dataset("volume", data=array, chunks=(64, 64, 64), compression="gzip", shuffle=True)
-
-        return write
-    if name == ".ome.zarr":
-        import zarr
-
-        return lambda: zarr.save_array(out, array, chunks=(64, 64, 64))
-    if name == ".nii.gz":
-        import nibabel
-
-        return lambda: nibabel.save(nibabel.Nifti1Image(array.T, np.eye(4)), out)
-    if name == ".vdb":
-        import pyopenvdb
-
-        def write_grid():
-            grid = pyopenvdb.FloatGrid()
-            grid.copyFromArray(array.T.astype(np.float32))
-            pyopenvdb.write(out, grids=[grid])
-
-        return write_grid
-    import tifffile
-
-    return lambda: tifffile.imwrite(out, array)
+    point = {"focus": layout["focus"], "radius": max(layout["shape"]) // 10} if "focus" in name else {}
+    begin, row = time.perf_counter(), {}
+    session = isobrick.open(layout["pyramid"]).session()
+    for mesh in session.progressive(layout["isovalue"], indices=True, threads=threads, **point):
+        row["triangles"] = len(mesh.faces)
+        row["seconds"] = [time.perf_counter() - begin]
+        row.setdefault("first", row["seconds"])
+        row.setdefault("first_triangles", row["triangles"])
+    return row
 
 
-way = write_file() if name.startswith(".") else simpleitk_pyramid() if name.startswith("SimpleITK") else isobrick_row()
-repeats = 1 if name.startswith((".", "SimpleITK")) else 3
-before = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-seconds, row = [], {}
-for i in range(repeats if repeats == 1 else repeats + 1):
+if name.startswith("progressive"):
+    print(json.dumps(progressive_query()))
+    sys.exit()
+repeats, way = (1, simpleitk_pyramid()) if name.startswith("SimpleITK") else (4, isobrick_row())
+before = 0 if repeats == 1 else 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+seconds = []
+for _ in range(repeats):
     begin = time.perf_counter()
     found = way()
     seconds.append(time.perf_counter() - begin)
-if repeats > 1:
-    del seconds[0]  # as everywhere, the first surface does not count
-row["seconds"], row["peak_bytes"] = seconds, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-if not name.startswith("."):
-    row["peak_bytes"] -= before  # on top of Python, its packages and the array
+# As everywhere, the first surface of isobrick does not count, and memory is what comes on top of Python and the array.
+row = {"seconds": seconds[-3:], "peak_bytes": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before}
 if name.startswith("SimpleITK"):
     row["bytes"] = sum(4 * int(np.prod(level.GetSize())) for level in found)
 elif name.startswith("isobrick"):
-    row["triangles"] = len(found[1])
+    row["triangles"] = len(tuple(found)[1])
 print(json.dumps(row))
