@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Measures isobrick beside every peer that can be had here, and writes docs/benchmarks.json and from it the page
-# docs/BENCHMARKS.md with its plots:
+# Measures isobrick beside every peer that is here, and writes docs/benchmarks.json and from it the page
+# docs/BENCHMARKS.md:
 #   tools/benchmark.sh [--quick] [--steps NAME,...] [FOLDER]
 # FOLDER keeps the build, the peers, volumes and results (one JSON file a step); default: build/benchmarks. A step whose
 # result is there is left out, so a run that was stopped goes on, and a finished one only writes the page again; remove
@@ -70,5 +70,5 @@ docs=docs
 [ $mode = full ] || docs=$work
 /usr/bin/python3 $suite/measure.py "$work" "$folder/build" "$data" "$venv" --output "$docs/benchmarks.json" \
   --commit "$commit" --steps "$steps" $([ $mode = full ] || echo --quick)
-/usr/bin/python3 $suite/page.py "$docs/benchmarks.json" "$docs"
+/usr/bin/python3 $suite/page.py "$docs/benchmarks.json" "$docs/BENCHMARKS.md"
 say "the page is $docs/BENCHMARKS.md"

@@ -1,4 +1,4 @@
-"""docs/BENCHMARKS.md and its plots are what docs/benchmarks.json gives, and show a regression; measure.py goes on.
+"""docs/BENCHMARKS.md is what docs/benchmarks.json gives, and shows a regression; measure.py goes on.
 
   benchmark_page_test.py SOURCE WORK
 """
@@ -27,13 +27,13 @@ def expect_failure(words, *arguments):
     assert done.returncode == 1 and words in done.stderr and done.stderr.count("\n") == 1, (arguments, done.stderr)
 
 
-def page_of(run, folder):
-    path = f"{folder}.json"
+def page_of(run):
+    path = f"{work}/run.json"
     with open(path, "w", encoding="utf-8") as file:
         json.dump(run, file)
-    done = make(path, folder)
+    done = make(path, f"{work}/page.md")
     assert done.returncode == 0, done.stderr
-    with open(f"{folder}/BENCHMARKS.md", encoding="utf-8") as file:
+    with open(f"{work}/page.md", encoding="utf-8") as file:
         return file.read()
 
 
@@ -42,16 +42,13 @@ os.makedirs(work)
 with open(committed, encoding="utf-8") as file:
     run = json.load(file)
 
-# The committed files are those that are made: an edit of a page, a plot or the JSON is found.
-page_of(run, f"{work}/docs")
-made = ["BENCHMARKS.md", *(f"figures/{name}" for name in os.listdir(f"{work}/docs/figures"))]
-assert len(made) > 4
-for name in made:
-    with open(f"{work}/docs/{name}", encoding="utf-8") as file, open(f"{source}/docs/{name}", encoding="utf-8") as other:
-        assert file.read() == other.read(), f"docs/{name} is not what docs/benchmarks.json gives: run {page_maker} {committed} docs"
+# The committed page is the one that is made: an edit of it, of page.md or of the JSON is found.
+with open(f"{source}/docs/BENCHMARKS.md", encoding="utf-8") as file:
+    page = file.read()
+assert page_of(run) == page, f"docs/BENCHMARKS.md is not what its JSON gives: run {page_maker} {committed} docs/BENCHMARKS.md"
 changed = copy.deepcopy(run)
 changed["results"]["building-head"]["rows"][0]["seconds"]["median"] *= 1.5
-assert page_of(changed, f"{work}/changed") != page_of(run, f"{work}/docs"), "the page does not show a regression"
+assert page_of(changed) != page, "the page does not show a regression"
 
 # Input that is none gets one line.
 expect_failure("cannot read", f"{work}/missing.json", work)
@@ -65,12 +62,12 @@ assert make(committed).returncode == 2
 gone = copy.deepcopy(run)
 rows = gone["results"]["cold-head"]["rows"]
 rows += [{"name": "absent", "failure": measure.NOT_THERE}, {"name": "broken", "failure": "no memory"}]
-words = page_of(gone, f"{work}/gone")
+words = page_of(gone)
 assert "`absent`" in words and "broken of cold-head (no memory)" in words
 
 # A table whose step is missing says so.
 del gone["results"]["kernels"]
-assert "Not measured." in page_of(gone, f"{work}/gone")
+assert "Not measured." in page_of(gone)
 
 # Rows are measured in turns, medians of all rounds; one that fails does not end the others.
 calls = []

@@ -112,10 +112,6 @@ def turns(rounds, ways):
     return list(rows.values())
 
 
-def ours(rows):
-    return [{**row, "ours": True} for row in rows]
-
-
 class Suite:
     def __init__(self, options):
         self.work, self.build, self.data, self.quick = options.work, options.build, options.data, options.quick
@@ -141,6 +137,9 @@ class Suite:
                               "seconds": round(time.monotonic() - begin, 1)})
         return read_json(path)
 
+    def report(self, command, *words):
+        return run_json(self.isobrick, command, *words, "--threads", THREADS, "--json")
+
     def file(self, name):
         path = f"{self.work}/volumes/{name}"
         remove(path)
@@ -164,6 +163,8 @@ class Suite:
         return {"key": key, "title": title, "real": real, "dimensions": info["dimensions"], "type": info["voxel_type"],
                 "isovalue": isovalue, "focus": focus, "bytes": info["bytes"]["raw"], "pyramid": paths["isb"],
                 "raw": paths["raw"], "layout": paths["json"],
+                "raw_words": [paths["raw"], "--raw-dims", ",".join(map(str, info["dimensions"])), "--raw-type",
+                              RAW_TYPES[info["voxel_type"]]],
                 "nrrd": f"{self.data}/{source}" if source.endswith(".nrrd") else paths["nrrd"]}
 
     def volumes(self):
@@ -199,7 +200,7 @@ class Suite:
                 made.append({"name": row["name"], "failure": row["failure"]})
                 continue
             ways = row.get("distance", {}).values()
-            made.append({"name": row["name"], "ours": is_ours(row["name"]), "triangles": row["triangles"],
+            made.append({"name": row["name"], "triangles": row["triangles"],
                          "seconds": spread(row["seconds"]["all"]), "peak_bytes": row["peak_rss_bytes"],
                          **({"mean": max(way["mean"] for way in ways), "greatest": max(way["max"] for way in ways)}
                             if ways else {})})
@@ -220,26 +221,24 @@ class Suite:
         """Whole processes, from a file of voxels to a PLY."""
         out = f"{self.work}/volumes/mesh.ply"
 
-        def process(*words):
-            def way():
-                remove(out)
-                return {**whole_process(*words, env=self.python_env), "bytes": os.path.getsize(out)}
-            return way
-
         extract = ["--iso", volume["isovalue"], "-o", out, "--threads", THREADS]
-        rows = ours(turns(self.rounds, {
-            "isobrick extract, of the NRRD": process(self.isobrick, "extract", volume["nrrd"], *extract),
-            "isobrick extract, of its pyramid": process(self.isobrick, "extract", volume["pyramid"], *extract)}))
+        script = [volume["nrrd"], volume["isovalue"], out, THREADS]
+        ways = {"isobrick extract, of the NRRD": [self.isobrick, "extract", volume["nrrd"], *extract],
+                "isobrick extract, of its pyramid": [self.isobrick, "extract", volume["pyramid"], *extract]}
         if self.python:
-            rows += turns(self.rounds, {
-                f"{title}, a script": process(self.python, f"{PEERS}/{name}.py", volume["nrrd"], volume["isovalue"], out, THREADS)
-                for name, title in (("vtk_peer", "vtkFlyingEdges3D"), ("skimage_peer", "scikit-image"))})
-        return rows
+            ways["vtkFlyingEdges3D, a script"] = [self.python, f"{PEERS}/vtk_peer.py", *script]
+            ways["scikit-image, a script"] = [self.python, f"{PEERS}/skimage_peer.py", *script]
+
+        def process(words):
+            remove(out)
+            return {**whole_process(*words, env=self.python_env), "bytes": os.path.getsize(out)}
+
+        return turns(self.rounds, {name: lambda words=words: process(words) for name, words in ways.items()})
 
     def array_to_mesh(self, volume):
         rows = self.bench(volume, ["isobrick", "vtkFlyingEdges3D", "skimage", "PyMCubes"])
-        return ours(self.python_rows(volume, "isobrick.isosurface", "isobrick.marching_cubes", "isobrick session",
-                                     "build of an array", "build of a raw file")) + rows
+        return rows + self.python_rows(volume, "isobrick.isosurface", "isobrick.marching_cubes", "isobrick session",
+                                       "build of an array", "build of a raw file")
 
     def python_row(self, name, volume):
         return run_json(self.python, f"{HERE}/python_rows.py", name, volume["layout"], THREADS,
@@ -260,13 +259,12 @@ class Suite:
 
         def query(words):
             def way():
-                report = run_json(self.isobrick, "extract", volume["pyramid"], "--iso", volume["isovalue"], *words,
-                                  "--repeat", 11, "--threads", THREADS, "--json")
+                report = self.report("extract", volume["pyramid"], "--iso", volume["isovalue"], *words, "--repeat", 11)
                 return {"seconds": report["seconds"]["extract"][1:], "triangles": report["triangles"],
                         "bytes_read": report["bytes_read"], "bytes_active": report["bytes_active"]}
             return way
 
-        return ours(turns(self.rounds, {name: query(words) for name, words in kinds.items()}))
+        return turns(self.rounds, {name: query(words) for name, words in kinds.items()})
 
     def first_query(self, volume):
         def cold(name):
@@ -276,7 +274,7 @@ class Suite:
             return way
 
         names = ("progressive, everything", f"progressive, focus, radius {max(volume['dimensions']) // 10}")
-        return ours(turns(3 * self.rounds, {name: cold(name) for name in names})) if self.python else []
+        return turns(3 * self.rounds, {name: cold(name) for name in names}) if self.python else []
 
     def cold(self, volume):
         rows = self.bench(volume, ["isobrick", "vtkFlyingEdges3D", "openvdb-0", "skimage"], "--no-distances", "--page-cache",
@@ -288,61 +286,53 @@ class Suite:
 
             def way():
                 drop_from_page_cache(path)
-                report = run_json(self.isobrick, "extract", path, "--iso", volume["isovalue"], "--threads", THREADS, "--json")
+                report = self.report("extract", path, "--iso", volume["isovalue"])
                 drop_from_page_cache(path)
                 return {"seconds": [report["seconds"]["open"] + report["seconds"]["extract"][0]],
-                        "read": [read_seconds(path, report["bytes_read"])], "bytes_read": report["bytes_read"]}
+                        "read": [dd_seconds(path, "/dev/null", f"count={report['bytes_read']}", "iflag=count_bytes")], "bytes_read": report["bytes_read"]}
             return way
 
-        return rows + ours(turns(3 * self.rounds, {f"isobrick, codec {name}": codec(name) for name in ("none", "lz4", "zstd")}))
+        return rows + turns(3 * self.rounds, {f"isobrick, codec {name}": codec(name) for name in ("none", "lz4", "zstd")})
 
     def building(self, volume):
-        raw = ["--raw-dims", ",".join(map(str, volume["dimensions"])), "--raw-type", RAW_TYPES[volume["type"]]]
-        read_seconds(volume["raw"], volume["bytes"])
+        dd_seconds(volume["raw"], "/dev/null")  # now in the page cache
 
         def build(*words):
             def way():
                 out = self.file("built.isb")
-                report = run_json(self.isobrick, "build", volume["raw"], "-o", out, *raw, *words, "--threads", THREADS, "--json")
-                return {"seconds": [report["seconds"]["total"]], "write": [copy_seconds(out, f"{out}.copy")],
+                report = self.report("build", *volume["raw_words"], "-o", out, *words)
+                return {"seconds": [report["seconds"]["total"]], "write": [dd_seconds(out, f"{out}.copy", "conv=fsync")],
                         "bytes": report["bytes"]["total"], "peak_bytes": report["peak_rss_bytes"]}
             return way
 
-        rows = ours(turns(self.rounds, {
+        rows = turns(self.rounds, {
             f"isobrick, {codec}{', no curvature' if bare else ''}": build("--codec", codec, *bare)
-            for bare in ([], ["--no-curvature"]) for codec in ("lz4", "none", "zstd")}))
+            for bare in ([], ["--no-curvature"]) for codec in ("lz4", "none", "zstd")})
         return rows + self.python_rows(volume, "SimpleITK BinShrink", "SimpleITK Gaussians and Shrink")
 
     def memory(self, volume):
-        raw = ["--raw-dims", ",".join(map(str, volume["dimensions"])), "--raw-type", RAW_TYPES[volume["type"]]]
-
-        def bounded(bound, command, *words):
-            def way():
-                out = self.file("built.isb" if command == "build" else "mesh.ply")
-                return whole_process(self.isobrick, command, *words, "-o", out, "--memory", bound, "--threads", THREADS)
-            return way
-
-        return ours(turns(self.rounds, {
-            **{f"build --memory {b}": bounded(b, "build", volume["raw"], *raw) for b in ("64M", "256M", "1G")},
-            **{f"extract --memory {b}": bounded(b, "extract", volume["pyramid"], "--iso", volume["isovalue"])
-               for b in ("8M", "64M", "1G")}}))
+        kinds = {"build": (volume["raw_words"], "bounded.isb", ("64M", "256M", "1G")),
+                 "extract": ([volume["pyramid"], "--iso", volume["isovalue"]], "bounded.ply", ("8M", "64M", "1G"))}
+        return turns(self.rounds, {
+            f"{command} --memory {bound}": lambda c=command, w=words, o=out, b=bound: whole_process(
+                self.isobrick, c, *w, "-o", self.file(o), "--memory", b, "--threads", THREADS)
+            for command, (words, out, bounds) in kinds.items() for bound in bounds})
 
     def conversion(self, volume):
         def convert(ending):
             def way():
                 path = self.file(f"converted.{ending}")
-                into = run_json(self.isobrick, "convert", volume["pyramid"], "-o", path, "--threads", THREADS, "--json")
-                back = run_json(self.isobrick, "convert", path, "-o", self.file("back.isb"), "--no-curvature", "--threads",
-                                THREADS, "--json")
+                into = self.report("convert", volume["pyramid"], "-o", path)
+                back = self.report("convert", path, "-o", self.file("back.isb"), "--no-curvature")
                 remove(path)
                 return {"seconds": [into["seconds"]], "back": [back["seconds"]], "bytes": into["bytes"],
                         "peak_bytes": into["peak_rss_bytes"]}
             return way
 
-        copy = {"copy of the voxels, fsync": lambda: {"seconds": [copy_seconds(volume["raw"], self.file("copy"))],
+        copy = {"copy of the voxels, fsync": lambda: {"seconds": [dd_seconds(volume["raw"], self.file("copy"), "conv=fsync")],
                                                       "bytes": volume["bytes"]}}
         formats = {f".{e}": convert(e) for e in ("nrrd", "vti", "tif", "h5", "ome.zarr", "vdb", "nii.gz")}
-        return turns(self.rounds, copy) + ours(turns(self.rounds, formats))
+        return turns(self.rounds, copy) + turns(self.rounds, formats)
 
     def kernels(self):
         program = f"{self.build}/tests/house/isobrick_benchmarks"
@@ -351,8 +341,8 @@ class Suite:
         least = "0.1" if self.quick else "0.5"
         found = run_json(program, "--benchmark_format=json", f"--benchmark_min_time={least}")["benchmarks"]
         scale = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3}
-        return ours([{"name": row["name"], "seconds": spread([row["cpu_time"] * scale[row["time_unit"]]]),
-                      **{key: row[key] for key in ("bytes_per_second", "items_per_second") if key in row}} for row in found])
+        return [{"name": row["name"], "seconds": spread([row["cpu_time"] * scale[row["time_unit"]]]),
+                 **{key: row[key] for key in ("bytes_per_second", "items_per_second") if key in row}} for row in found]
 
     # ---- all of it -----------------------------------------------------------------------------------
 
@@ -410,26 +400,11 @@ def drop_from_page_cache(path):
         os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def read_seconds(path, length):
-    """Reads so many bytes from the begin of the file in pieces of 8 MiB."""
-    begin, buffer = time.monotonic(), bytearray(8 * MIB)
-    with open(path, "rb", buffering=0) as file:
-        while length > 0 and (read := file.readinto(memoryview(buffer)[:length])):
-            length -= read
+def dd_seconds(source, target, *words):
+    """A yardstick: reading, or copying until it is on the disk."""
+    begin = time.monotonic()
+    run("dd", f"if={source}", f"of={target}", "bs=8M", *words)
     return time.monotonic() - begin
-
-
-def copy_seconds(source, target):
-    """Copies a file that is in the page cache, as a yardstick, and waits for the disk. In pieces: what this process holds
-    counts as the peak of those that it starts."""
-    begin, buffer = time.monotonic(), bytearray(8 * MIB)
-    with open(source, "rb", buffering=0) as data, open(target, "wb", buffering=0) as file:
-        while length := data.readinto(buffer):
-            file.write(memoryview(buffer)[:length])
-        os.fsync(file.fileno())
-    seconds = time.monotonic() - begin
-    os.remove(target)
-    return seconds
 
 
 def main():

@@ -1,16 +1,14 @@
 #!/usr/bin/env python3
-"""Writes the page of benchmarks and its plots from the JSON of a run.
-
-  page.py benchmarks.json DOCS      writes DOCS/BENCHMARKS.md and DOCS/figures/bench-*.svg
+"""Writes the page of benchmarks from the JSON of a run: page.py benchmarks.json PAGE.md
 
 The text is that of page.md beside this script. {{name}} there is a fact of the run (class Page), {{table STEPS: COLUMN; ...}} a
-table of steps, side by side or, with `stack`, below each other, and {{bars STEPS: COLUMN}} a plot. Needs nothing but Python.
+table of steps, side by side or, with `stack`, below each other. Needs nothing but Python.
 """
 
 import fnmatch
 import json
 import math
-import os
+import os.path
 import re
 import sys
 
@@ -41,7 +39,7 @@ def median(row, key="seconds"):
 def times_isobrick(row, volume, rows):
     own = rows["isobrick, one thread" if row["name"].endswith("one thread") else "isobrick"]
     ratio = median(row) / median(own)
-    return "" if row.get("ours") else f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.1f}"
+    return "" if row["name"].startswith("isobrick") else f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.1f}"
 
 
 # The cell of a row: a figure, or a text. A row that lacks what a column needs has an empty cell.
@@ -74,7 +72,6 @@ COLUMNS = {
 class Page:
     def __init__(self, run):
         self.run, self.results, self.volumes = run, run["results"], run["volumes"]
-        self.plots = {}
 
     def steps(self, pattern):
         """(rows by name, volume) of each step of that name; without rows that failed."""
@@ -125,7 +122,7 @@ class Page:
         words = f"Left out, as they were not here: {joined(missing)}. " if missing else ""
         return words + (f"Failed: {joined(failed)}." if failed else "") or "Nothing was left out."
 
-    # ---- tables and plots ----------------------------------------------------------------------------
+    # ---- tables --------------------------------------------------------------------------------------
 
     def cell(self, column, row, volume, rows):
         try:
@@ -154,81 +151,37 @@ class Page:
         rows = [head, ["---"] + ["--:"] * (len(head) - 1), *lines]
         return "\n".join("| " + " | ".join(row[i] for i in kept) + " |" for row in rows)
 
-    def bars(self, pattern, columns):
-        """A plot of bars as long as the logarithm of the first column; it begins at half of the least value."""
-        name = pattern.partition("-")[0]
-        panels = [(volume["title"], [(row["name"], COLUMNS[columns[0]](row, volume, rows), row.get("ours"))
-                                     for row in rows.values()]) for rows, volume in self.steps(pattern)]
-        panels = [(title, bars) for title, bars in panels if bars]
-        if not panels:
-            return ""
-        self.plots[name] = picture_of_bars(panels, columns[0])
-        return f"![{columns[0]} by row](figures/bench-{name}.svg)"
-
-    def files(self):
-        """{path below the folder of documents: text}"""
+    def text(self):
         with open(f"{HERE}/page.md", encoding="utf-8") as file:
             template = file.read()
 
         def filled(match):
             kind, _, rest = match[1].partition(" ")
-            if kind not in ("table", "bars"):
+            if kind != "table":
                 return getattr(self, kind)()
             pattern, _, columns = rest.partition(": ")
-            return getattr(self, kind)(pattern, columns.split("; "))
+            return self.table(pattern, columns.split("; "))
 
         page = re.sub(r"\{\{([^}]+)\}\}", filled, template)
         if len(page.split()) > MOST_WORDS:
             fail(f"the page has {len(page.split())} words, and may have {MOST_WORDS}: shorten page.md")
-        note = "<!-- tools/benchmark.sh made this page: edit tools/bench/suite/page.md, then run page.py beside it. -->\n"
-        return {"BENCHMARKS.md": note + page, **{f"figures/bench-{name}.svg": svg for name, svg in self.plots.items()}}
-
-
-def picture_of_bars(panels, unit):
-    """SVG by hand, so that the same figures give the same bytes on every machine."""
-    left, width, bar = 250, 400, 20
-
-    def text(x, y, words, more=""):
-        words = words.replace("&", "&amp;").replace("<", "&lt;")
-        return f'<text x="{x:.1f}" y="{y}" font-size="12" fill="#222222"{more}>{words}</text>'
-
-    parts, y = [], 8
-    for title, rows in panels:
-        values = [value for _, value, _ in rows]
-        low, high = math.log10(min(values) / 2), math.log10(max(values))
-        parts.append(text(left, y + 14, f"{title}, {unit}", ' font-weight="bold"'))
-        y += 22
-        for name, value, is_ours in rows:
-            length = width * (math.log10(value) - low) / (high - low)
-            parts += [text(left - 8, y + 14, name, ' text-anchor="end"'),
-                      f'<rect x="{left}" y="{y + 3}" width="{length:.1f}" height="{bar - 6}" '
-                      f'fill="{"#1f5fa8" if is_ours else "#b9bec6"}"/>',
-                      text(left + length + 5, y + 14, short(value))]
-            y += bar
-        y += 14
-    parts.append(text(left, y + 12, "Blue: isobrick. Bars are as long as the logarithm."))
-    size = f"{left + width + 70} {y + 22}"
-    return "\n".join([f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {size}" font-family="sans-serif">',
-                      '<rect width="100%" height="100%" fill="#ffffff"/>', *parts, "</svg>"]) + "\n"
+        return "<!-- tools/benchmark.sh made this page: edit tools/bench/suite/page.md, then run page.py beside it. -->\n" + page
 
 
 def main():
     if len(sys.argv) != 3:
-        print("usage: page.py benchmarks.json DOCS", file=sys.stderr)
+        print("usage: page.py benchmarks.json PAGE.md", file=sys.stderr)
         sys.exit(2)
-    source, docs = sys.argv[1:]
+    source, page = sys.argv[1:]
     try:
         with open(source, encoding="utf-8") as file:
-            run = json.load(file)
-        files = Page(run).files()
+            text = Page(json.load(file)).text()
     except OSError as error:
         fail(f"cannot read '{source}': {error.strerror}; make it with tools/benchmark.sh")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         fail(f"'{source}' is no run of tools/benchmark.sh: {type(error).__name__} {error}; make it anew")
-    os.makedirs(f"{docs}/figures", exist_ok=True)
-    for name, words in files.items():
-        with open(f"{docs}/{name}", "w", encoding="utf-8") as file:
-            file.write(words)
+    with open(page, "w", encoding="utf-8") as file:
+        file.write(text)
 
 
 main()
