@@ -13,7 +13,7 @@
 #include <string_view>
 
 #include "isobrick/storage/file_system.h"
-#include "tools/bench/process_memory.h"
+#include "tools/bench/page_cache.h"
 #include "tools/program_run.h"
 #include "tools/thread_count.h"
 
@@ -21,6 +21,9 @@ namespace isobrick {
 namespace {
 
 using BenchWords = std::vector<std::string>;
+
+// The C library requests huge pages in every large allocation; glibc 2.35 and later.
+constexpr char kAllocateHugePages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1";
 
 class ScratchFolder {
  public:

@@ -6,20 +6,26 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/surface_mesh.h"
-#include "tools/bench/process_memory.h"
 #include "tools/bench/surface_distance.h"
 #include "tools/stopwatch.h"
 
 namespace isobrick {
 namespace {
 
-double processorSeconds() {
+// Of this process until now.
+struct ProcessUse {
+  double processor_seconds;
+  std::uint64_t peak_bytes;
+};
+
+ProcessUse processUse() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   const auto seconds = [](const timeval& t) {
     return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
   };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+  return {seconds(usage.ru_utime) + seconds(usage.ru_stime),
+          1024 * static_cast<std::uint64_t>(usage.ru_maxrss)};
 }
 
 PlainMesh plainMeshOf(const SurfaceMesh& mesh) {
@@ -40,14 +46,13 @@ PlainMesh plainMeshOf(const SurfaceMesh& mesh) {
 }  // namespace
 
 Json measureOwnRow(const OwnRowTask& task, const Query& query) {
-  double before = processorSeconds();
+  ProcessUse before = processUse();
   const Stopwatch whole;
   const Pyramid pyramid(task.path, task.budget_bytes, task.access);
   Extractor extractor(pyramid);
   SurfaceMesh mesh;
   const double load_seconds = whole.seconds();
-  const std::uint64_t loaded_rss_bytes = peakOfProcess();
-  forgetPeak();
+  const std::uint64_t loaded_rss_bytes = processUse().peak_bytes;
   const auto extract = [&] {
     const Stopwatch watch;
     extractor.extract(query, mesh);
@@ -56,12 +61,13 @@ Json measureOwnRow(const OwnRowTask& task, const Query& query) {
   const double first_seconds = extract();
   std::vector<double> seconds = {load_seconds + first_seconds};
   if (!task.cold) {
-    before = processorSeconds();
+    before = processUse();
     seconds.clear();
     for (int i = 0; i < task.repeats; ++i) seconds.push_back(extract());
   }
+  const ProcessUse after = processUse();
   const double processor_seconds =
-      (processorSeconds() - before) / static_cast<double>(seconds.size());
+      (after.processor_seconds - before.processor_seconds) / static_cast<double>(seconds.size());
   const std::size_t bytes = mesh.positions().size_bytes() + mesh.normals().size_bytes() +
                             mesh.triangles().size_bytes() +
                             mesh.parts().size() * sizeof(SurfaceMesh::Part);
@@ -74,7 +80,7 @@ Json measureOwnRow(const OwnRowTask& task, const Query& query) {
               {"seconds", seconds},
               {"processor_seconds", processor_seconds},
               {"loaded_rss_bytes", loaded_rss_bytes},
-              {"peak_rss_bytes", peakOfProcess()},
+              {"peak_rss_bytes", after.peak_bytes},
               {"note", "one session, into the memory of the surface before"}};
   if (!task.mesh_path.empty()) writePlainMesh(plainMeshOf(mesh), task.mesh_path);
   return row;

@@ -10,6 +10,7 @@ import argparse
 import importlib.util
 import json
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -58,9 +59,8 @@ def list_rows(names):
         print(row, "exact" if row in EXACT else "approximate")
 
 
-def memory(key):
-    with open("/proc/self/status", encoding="ascii") as file:
-        return 1024 * int(file.read().split(key + ":")[1].split()[0])
+def peak():
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def timed(call):
@@ -71,19 +71,17 @@ def timed(call):
 
 def measure(peer, task):
     """Of the memory what comes on top of Python and the packages."""
-    before = memory("VmRSS")
+    before = peak()
     processor = time.process_time()
     load, prepare = timed(peer.load), timed(peer.prepare)
-    loaded = memory("VmHWM") - before
-    with open("/proc/self/clear_refs", "w", encoding="ascii") as file:
-        file.write("5")  # the peak counts anew
+    loaded = peak() - before
     first = timed(peer.extract)
     seconds = [load + prepare + first]
     if not task.cold:
         processor = time.process_time()
         seconds = [timed(peer.extract) for _ in range(task.repeat)]
     processor = (time.process_time() - processor) / len(seconds)
-    peak = memory("VmHWM") - before
+    most = peak() - before
     points, triangles = peer.mesh()
     if task.mesh:
         with open(task.mesh, "wb") as file:
@@ -91,7 +89,7 @@ def measure(peer, task):
             file.write(points.astype("<f4").tobytes() + triangles.astype("<u4").tobytes())
     return {"triangles": len(triangles), "vertices": len(points), "output_bytes": peer.output_bytes(),
             "load_seconds": load, "prepare_seconds": prepare, "first_seconds": first, "seconds": seconds,
-            "processor_seconds": processor, "loaded_rss_bytes": loaded, "peak_rss_bytes": peak, "note": peer.note}
+            "processor_seconds": processor, "loaded_rss_bytes": loaded, "peak_rss_bytes": most, "note": peer.note}
 
 
 def parsed():

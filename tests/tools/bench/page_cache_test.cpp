@@ -1,14 +1,12 @@
-#include "tools/bench/process_memory.h"
+#include "tools/bench/page_cache.h"
 
 #include <gtest/gtest.h>
 #include <linux/magic.h>
-#include <sys/mman.h>
 #include <sys/vfs.h>
 
-#include <cstring>
+#include <filesystem>
 
 #include "isobrick/storage/error.h"
-#include "tests/support/child_process.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/test_paths.h"
 
@@ -16,27 +14,6 @@ namespace isobrick {
 namespace {
 
 using namespace test;
-
-constexpr std::size_t kBytes = std::size_t{64} << 20;
-
-// Written to, so that all of it is resident for a moment.
-void touchMemory() {
-  void* const memory =
-      mmap(nullptr, kBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  std::memset(memory, 1, kBytes);
-  munmap(memory, kBytes);
-}
-
-TEST(ProcessMemory, ThePeakStaysUntilItIsForgotten) {
-  expectChildLeavesWith(0, [] {
-    const std::uint64_t before = peakOfProcess();
-    touchMemory();
-    const std::uint64_t peak = peakOfProcess();
-    if (peak < before + kBytes / 2) return 1;
-    forgetPeak();
-    return peakOfProcess() < peak - kBytes / 2 ? 0 : 2;
-  });
-}
 
 // On the disk, where the tests' folders are not: what lies in memory only cannot be dropped.
 TEST(PageCache, WhatIsReadIsInItAndWhatIsDroppedIsNot) {

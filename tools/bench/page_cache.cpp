@@ -1,4 +1,4 @@
-#include "tools/bench/process_memory.h"
+#include "tools/bench/page_cache.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -9,8 +9,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <fstream>
-#include <string>
 #include <vector>
 
 #include "isobrick/storage/error.h"
@@ -26,17 +24,6 @@ OpenDescriptor openedForReading(const std::string& path) {
 }
 
 }  // namespace
-
-std::uint64_t peakOfProcess() {
-  const std::string name = "VmHWM:";  // "VmHWM:     1234 kB"
-  std::ifstream file("/proc/self/status");
-  for (std::string line; std::getline(file, line);)
-    if (line.rfind(name, 0) == 0)
-      return 1024 * std::strtoull(line.c_str() + name.size(), nullptr, 10);
-  return 0;
-}
-
-void forgetPeak() { std::ofstream("/proc/self/clear_refs") << "5"; }
 
 void dropFromPageCache(const std::string& path) {
   const OpenDescriptor file = openedForReading(path);
