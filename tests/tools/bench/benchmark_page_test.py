@@ -66,7 +66,7 @@ words = page_of(gone)
 assert "`absent`" in words and "broken of cold-head (no memory)" in words
 
 # A table whose step is missing says so.
-del gone["results"]["kernels"]
+del gone["results"]["memory-head"]
 assert "Not measured." in page_of(gone)
 
 # Rows are measured in turns, medians of all rounds; one that fails does not end the others.
