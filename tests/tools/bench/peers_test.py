@@ -14,7 +14,9 @@ isobrick, source, venv = sys.argv[1:]
 del sys.argv[1:]
 folder = f"{source}/tools/bench/peers"
 peers = f"{folder}/bench_peers.py"
-has_venv = os.path.exists(f"{venv}/bin/python3")
+# The tests of the Python module may just be making it.
+has_venv = os.path.exists(f"{venv}/bin/python3") and subprocess.run(
+    [f"{venv}/bin/python3", "-c", "import vtkmodules, skimage, SimpleITK, trimesh"], capture_output=True, check=False).returncode == 0
 environment = {**os.environ, "PYTHONPATH": "", "PYTHONDONTWRITEBYTECODE": "1"}
 if has_venv:
     environment["PATH"] = f"{venv}/bin:{environment['PATH']}"
