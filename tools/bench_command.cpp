@@ -1,4 +1,4 @@
-// isobrick bench: the speed of extraction, beside other libraries' if bench_peers is there.
+// isobrick bench: the speed of extraction, beside other libraries' if they are there.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 #include "isobrick/extract/query.h"
 #include "tools/bench/bench_report.h"
-#include "tools/bench/bench_rounds.h"
-#include "tools/bench/isobrick_engine.h"
+#include "tools/bench/bench_rows.h"
+#include "tools/bench/own_row.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
@@ -29,7 +29,7 @@ struct BenchArguments {
   std::vector<const CLI::Option*> query_options;  // the options that extract has too
   QueryOptions query;
   BenchSettings settings;
-  std::string cache = "warm", huge_pages = "on", peers;
+  std::string cache = "warm", peers;
   bool json = false;
 };
 
@@ -57,13 +57,6 @@ void splitQueryWords(BenchArguments& arguments) {
                             {"--threads", std::to_string(arguments.query.threads)});
 }
 
-// "on", "off" or "both", with the user's words for them.
-std::vector<bool> settingsOf(const std::string& word, const char* off, const char* on) {
-  if (word == off) return {false};
-  if (word == on) return {true};
-  return {false, true};
-}
-
 // Empty if there is none.
 std::string firstFailure(const std::vector<BenchRow>& rows) {
   for (const BenchRow& row : rows)
@@ -76,9 +69,8 @@ int runBench(BenchArguments& arguments) {
   findPyramid(arguments.query);
   settings.path = arguments.query.input.pyramid;
   settings.threads = arguments.query.threads;
-  settings.cold = settingsOf(arguments.cache, "warm", "cold");
-  settings.huge_pages = settingsOf(arguments.huge_pages, "off", "on");
-  if (isRemotePath(settings.path) && arguments.cache != "warm")
+  settings.cold = arguments.cache == "cold";
+  if (isRemotePath(settings.path) && settings.cold)
     throw UsageError("a pyramid behind a URL has no page cache; leave out --page-cache");
   settings.own_executable = ownExecutable().string();
   settings.peers_executable =
@@ -92,34 +84,27 @@ int runBench(BenchArguments& arguments) {
     const Pyramid& pyramid = *file;
     chooseIsovalues(arguments.query, pyramid);
     warnOfEmptySurface(arguments.query, pyramid);
-    scene = makeBenchScene(pyramid.lattice().voxels(),
-                           std::string(voxelTypeName(pyramid.spec().voxel_type)));
+    scene = {pyramid.lattice().voxels(), std::string(voxelTypeName(pyramid.spec().voxel_type)),
+             machineLoad()};
   }
   settings.isovalue = arguments.query.isovalue;
   splitQueryWords(arguments);
-  const CancelFlag* const cancel = &interruptFlag();
-  std::vector<BenchRow> rows = planRows(settings, askPeers(settings, cancel));
-  {
+  const std::vector<BenchRow> rows = [&] {
     ProgressBar bar(0, "rows");
-    const auto progress = [&](const char* what, std::size_t done, std::size_t all) {
-      const auto rows_done = static_cast<double>(done);
-      bar.show(what, rows_done / static_cast<double>(all), rows_done);
-    };
-    measureRows(settings, rows, cancel, progress);
-    if (settings.with_distances)
-      runWithThreads(settings.threads, [&] {
-        measureErrors(settings, scene.voxels, rows, cancel, progress);
-        return 0;
-      });
-  }
-  scene.load_after = machineLoad();
+    return measureRows(settings, scene.voxels, &interruptFlag(),
+                       [&](const char* what, std::size_t done, std::size_t all) {
+                         const auto rows_done = static_cast<double>(done);
+                         bar.show(what, rows_done / static_cast<double>(all), rows_done);
+                       });
+  }();
   const std::string failure = firstFailure(rows);
-  const auto is_measured = [](const BenchRow& row) { return row.failure.empty(); };
-  if (std::none_of(rows.begin(), rows.end(), is_measured)) throw Error(failure);
+  if (std::none_of(rows.begin(), rows.end(), [](const BenchRow& row) { return row.isMeasured(); }))
+    throw Error(failure);
+  const Json json = jsonOfBench(settings, scene, rows);
   if (arguments.json)
-    printJson(jsonOfBench(settings, scene, rows));
+    printJson(json);
   else
-    fmt::print("{}", textOfBench(settings, scene, rows));
+    fmt::print("{}", textOfBench(json));
   if (failure.empty()) return 0;
   fmt::print(stderr, "isobrick: {}\n", oneLine(failure));
   return 1;
@@ -127,19 +112,19 @@ int runBench(BenchArguments& arguments) {
 
 struct BenchRowArguments {
   QueryOptions query;
-  RowTask task;
+  OwnRowTask task;
+  std::string row;
 };
 
-int runBenchRow(const BenchRowArguments& arguments) {
-  const Query query = [&] {
-    const Pyramid pyramid(arguments.query.input.path);
-    return makeQuery(arguments.query, pyramid);
-  }();
-  const auto engine = makeIsobrickEngine(arguments.query.input.path, arguments.query.memory_bytes,
-                                         fileAccess(arguments.query.no_map), query);
-  const std::string text = textOf(
-      runWithThreads(arguments.query.threads, [&] { return measureRow(arguments.task, *engine); }));
-  fmt::print("{}", text);
+int runBenchRow(BenchRowArguments& arguments) {
+  OwnRowTask& task = arguments.task;
+  task.path = arguments.query.input.path;
+  task.budget_bytes = arguments.query.memory_bytes;
+  task.access = fileAccess(arguments.query.no_map);
+  const Query query = makeQuery(arguments.query, Pyramid(task.path));
+  const Json row =
+      runWithThreads(arguments.query.threads, [&] { return measureOwnRow(task, query); });
+  fmt::print("{}\n", row.dump());
   return 0;
 }
 
@@ -147,7 +132,8 @@ int runBenchRow(const BenchRowArguments& arguments) {
 
 Command addBenchCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand(
-      "bench", "Measure extraction into memory, beside VTK and OpenVDB where bench_peers is");
+      "bench",
+      "Measure extraction into memory, beside VTK, OpenVDB and scikit-image if they are there");
   const auto arguments = std::make_shared<BenchArguments>();
   addQueryOptions(*sub, arguments->query);
   arguments->query_options = optionsBeside(std::as_const(*sub), {"FILE", "--threads"});
@@ -163,21 +149,18 @@ Command addBenchCommand(CLI::App& app) {
          "warm (default): the volume is in memory. cold: the file is dropped from the page "
          "cache, and the time is that from opening it to the mesh")
       ->type_name("KIND")
-      ->check(CLI::IsMember({"warm", "cold", "both"}));
-  sub->add_option("--huge-pages", arguments->huge_pages,
-                  "on (default): every row may have huge pages, and asks for them. off: none has")
-      ->type_name("KIND")
-      ->check(CLI::IsMember({"on", "off", "both"}));
+      ->check(CLI::IsMember({"warm", "cold"}));
   sub->add_option(
          "--rows", settings.only,
-         "Only these rows, such as isobrick,vtkFlyingEdges3D; openvdb-A for any adaptivity A, "
-         "vtkQuadricDecimation-R and vtkDecimatePro-R for any reduction R, "
+         "Only these rows, such as isobrick,vtkFlyingEdges3D,skimage; openvdb-A for any adaptivity "
+         "A, vtkQuadricDecimation-R and vtkDecimatePro-R for any reduction R, "
          "simplify-D for any distance D of 'isobrick extract --simplify'")
       ->type_name("NAMES")
       ->delimiter(',');
   sub->add_option("--peers", arguments->peers,
-                  "Executable with the rows of other libraries; default: the bench_peers beside "
-                  "this one, if there is one")
+                  "Executable with the rows of other libraries, such as "
+                  "tools/bench/peers/bench_peers.py; default: the bench_peers beside this one, if "
+                  "there is one")
       ->type_name("PATH");
   sub->add_flag("!--no-distances", settings.with_distances,
                 "Leave out how far adaptive surfaces lie from the finest one");
@@ -195,7 +178,10 @@ Command addBenchRowCommand(CLI::App& app) {
   const auto arguments = std::make_shared<BenchRowArguments>();
   addQueryOptions(*sub, arguments->query);
   addSimplifyOption(*sub, arguments->query);
-  addRowTaskOptions(*sub, arguments->task);
+  sub->add_option("--row", arguments->row)->required();
+  sub->add_option("--repeat", arguments->task.repeats)->check(CLI::Range(1, 1000000));
+  sub->add_flag("--cold", arguments->task.cold);
+  sub->add_option("--mesh", arguments->task.mesh_path);
   return {sub, [arguments] { return runBenchRow(*arguments); }};
 }
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Compares the speed of two commits: fifteen jobs by both, in turns, and the time, the peak memory, the bytes
+# Compares the speed of two commits: fourteen jobs by both, in turns, and the time, the peak memory, the bytes
 # read and the instructions of each.
 #   tools/bench_guard.sh BASE [HEAD]
 # HEAD is the last commit of this checkout by default. Prints a table. Ends with 1 if a job of HEAD is worse
-# than a threshold (tools/guard/compare_jobs.py has them), with 2 if it could not compare.
+# than a threshold (tools/bench_guard.py has them), with 2 if it could not compare.
 # Takes some minutes after the builds, which are kept in build/guard and found again.
 # ISOBRICK_GUARD_ROUNDS: runs of each job; default: 7. ISOBRICK_GUARD_VOXELS: of the phantom, per axis;
 # default: 256. CI=true: builds as CI does.
@@ -30,10 +30,10 @@ built() {
     cd "$tree"
     # Without the tree's name in what ccache compares, the second build finds the objects of the first one.
     export CCACHE_BASEDIR=$tree CCACHE_NOHASHDIR=1
-    # Peers are no part of the comparison, and take minutes to compile.
+    # Older commits have peers to compile, which are no part of the comparison.
     cmake --preset $preset -DISOBRICK_BENCH_PEERS=OFF &&
       cmake --build --preset $preset --parallel "$(nproc)" \
-        --target isobrick isobrick-build isobrick-view isobrick_benchmarks
+        --target isobrick isobrick-build isobrick-view
   ) >"$tree.log" 2>&1 || { tail -5 "$tree.log" >&2; fail "${1:0:7} cannot be built; all is in $tree.log"; }
 }
 
@@ -48,8 +48,5 @@ for commit in "$base" "$head"; do
   echo "bench_guard.sh: building ${commit:0:7}" >&2
   built "$commit"
 done
-table=$folder/${base:0:7}-${head:0:7}.json
-python3 tools/guard/measure_jobs.py "$folder/$base/build/$preset" "$folder/$head/build/$preset" \
-  --names "${base:0:7}" "${head:0:7}" --work "$folder/work" --rounds "${ISOBRICK_GUARD_ROUNDS:-7}" \
-  --voxels "${ISOBRICK_GUARD_VOXELS:-256}" -o "$table" || fail "the jobs could not be measured"
-python3 tools/guard/compare_jobs.py "$table"
+exec python3 tools/bench_guard.py "$folder/$base/build/$preset" "$folder/$head/build/$preset" --work "$folder/work" \
+  --rounds "${ISOBRICK_GUARD_ROUNDS:-7}" --voxels "${ISOBRICK_GUARD_VOXELS:-256}"

@@ -63,7 +63,7 @@ EXTRACT = """
 
 @pytest.mark.parametrize("program", [BUILD, BUILD_OF_ARRAY, EXTRACT], ids=["build", "array", "extract"])
 def test_ctrl_c_ends_a_call_and_leaves_nothing(program: str, tmp_path: Path, head: Path) -> None:
-    """How soon is measured by python/benchmarks/interrupt.py; here it has to come long before the call's end."""
+    """It has to come long before the call's end."""
     out = tmp_path / "out.isb"
     child = run(program, out, head)
     assert child.stdout is not None

@@ -6,7 +6,9 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <numbers>
+#include <random>
 
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/nearest_on_triangle.h"
@@ -145,6 +147,32 @@ TEST(SquaredDistance, OfFacesEdgesAndCorners) {
   EXPECT_DOUBLE_EQ(squaredDistance({3, 3, 0}, a, b, c), 2);       // long edge
   EXPECT_DOUBLE_EQ(squaredDistance({-3, -4, 12}, a, b, c), 169);  // corner
   EXPECT_DOUBLE_EQ(squaredDistance({5, 1, 0}, a, a, a), 26);      // no area
+}
+
+// Closest point by halving the triangle's own coordinates: slow, and nothing like the other.
+double sampledDistance(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
+                       const glm::dvec3& c) {
+  double best = std::numeric_limits<double>::infinity();
+  constexpr int kSteps = 400;
+  for (int i = 0; i <= kSteps; ++i)
+    for (int j = 0; i + j <= kSteps; ++j)
+      best = std::min(best, glm::length(p - (a + (b - a) * (double(i) / kSteps) +
+                                             (c - a) * (double(j) / kSteps))));
+  return best;
+}
+
+TEST(SquaredDistance, IsThatToTheNearestOfManyOfTheTrianglesPoints) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> number(-1, 1);
+  const auto point = [&] { return glm::dvec3(number(random), number(random), number(random)); };
+  for (int i = 0; i < 60; ++i) {
+    const glm::dvec3 a = point(), b = i % 5 == 0 ? a : point(), c = i % 10 == 0 ? a : point();
+    const glm::dvec3 p = 2.0 * point();
+    const double exact = std::sqrt(squaredDistance(p, a, b, c));
+    const double sampled = sampledDistance(p, a, b, c);
+    EXPECT_LE(exact, sampled + 1e-12) << i;
+    EXPECT_GT(exact, sampled - 0.01) << i;
+  }
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ forbid(viewer "Imf|OpenEXR" "^exr_writer")
 forbid(viewer "epoxy/|GL/" "egl_|_shaders|gl_")
 forbid(viewer "GLFW/|imgui" "^window/")
 forbid(tools "draco/" "^neuroglancer/draco_")
-forbid(tools "tests/|openvdb/|vtk|itk|epoxy/|GL/|GLFW/|Imf|OpenEXR" "^bench/peers/(openvdb|vtk|itk)_(engine|pyramid)")
+forbid(tools "tests/|openvdb/|vtk|itk|epoxy/|GL/|GLFW/|Imf|OpenEXR" "")
 # Loops of TBB are isolated (storage/isolated_loop.h).
 foreach(folder preprocess extract viewer)
   forbid(${folder} "tbb/parallel_(for|reduce|scan|sort|invoke|for_each)" "")

@@ -21,7 +21,7 @@
 #include "tests/support/file_bytes.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
-#include "tools/bench/process_memory.h"
+#include "tools/bench/page_cache.h"
 
 namespace isobrick::test {
 namespace {

@@ -13,8 +13,6 @@
 namespace isobrick {
 namespace {
 
-constexpr double kMebi = 1024 * 1024;
-
 std::string processorName() {
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line);)
@@ -22,162 +20,136 @@ std::string processorName() {
   return "unknown";
 }
 
-// The figures of one row over all rounds.
-struct RowSummary {
-  Spread seconds, load_seconds, prepare_seconds, first_seconds, processor_seconds;
-  std::vector<double> all_seconds;
-  double busy_cores = 0;  // processor time by wall time
-  std::uint64_t loaded_rss_bytes = 0, peak_rss_bytes = 0, huge_page_bytes = 0;  // the greatest
-  SurfaceSize size;
-  std::string note;
-};
-
-RowSummary summaryOf(const BenchRow& row) {
-  RowSummary sum;
-  std::vector<double> load, prepare, first, processor, busy;
-  for (const RowMeasurement& m : row.measurements) {
-    sum.all_seconds.insert(sum.all_seconds.end(), m.seconds.begin(), m.seconds.end());
-    load.push_back(m.load_seconds);
-    prepare.push_back(m.prepare_seconds);
-    first.push_back(m.first_seconds);
-    processor.push_back(m.processor_seconds);
-    const double wall = std::accumulate(m.seconds.begin(), m.seconds.end(), 0.0);
-    busy.push_back(m.processor_seconds * static_cast<double>(m.seconds.size()) / wall);
-    sum.loaded_rss_bytes = std::max(sum.loaded_rss_bytes, m.loaded_rss_bytes);
-    sum.peak_rss_bytes = std::max(sum.peak_rss_bytes, m.peak_rss_bytes);
-    sum.huge_page_bytes = std::max(sum.huge_page_bytes, m.huge_page_bytes);
-  }
-  sum.seconds = spreadOf(sum.all_seconds);
-  sum.load_seconds = spreadOf(load);
-  sum.prepare_seconds = spreadOf(prepare);
-  sum.first_seconds = spreadOf(first);
-  sum.processor_seconds = spreadOf(processor);
-  sum.busy_cores = spreadOf(busy).median;
-  sum.size = row.measurements.back().size;
-  sum.note = row.measurements.back().note;
-  return sum;
-}
-
-bool isMeasured(const BenchRow& row) { return row.failure.empty() && !row.measurements.empty(); }
-
-// The row that the others of its setting are compared with: the fastest peer that is exact, or our
-// own; nullptr if neither was measured.
-const BenchRow* referenceFor(const BenchRow& row, const std::vector<BenchRow>& rows) {
-  for (const char* name : {"vtkFlyingEdges3D", kFinestRow})
-    for (const BenchRow& other : rows)
-      if (other.name == name && other.cold == row.cold && other.huge_pages == row.huge_pages &&
-          isMeasured(other))
-        return &other;
-  return nullptr;
-}
-
-double volumeOf(const BenchScene& scene) { return static_cast<double>(elementCount(scene.voxels)); }
-
-Json jsonOf(const Spread& spread) {
-  return {{"median", spread.median}, {"min", spread.min}, {"max", spread.max}};
+// `values` has one value at least. Between two in the middle the median is their mean.
+Json spreadOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  const double median =
+      values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+  return {{"median", median}, {"min", values.front()}, {"max", values.back()}};
 }
 
 Json jsonOf(const OneWayDistance& d) {
   return {{"mean", d.mean}, {"p99", d.p99}, {"max", d.max}, {"points", d.points}};
 }
 
-Json jsonOfRow(const BenchRow& row, const BenchSettings& settings, const BenchScene& scene,
-               const std::vector<BenchRow>& rows) {
+// The figures of one row over all rounds, but for its ratio.
+Json jsonOfRow(const BenchRow& row, const BenchSettings& settings, const BenchScene& scene) {
   Json json = {{"name", row.name},
                {"threads", settings.threads},
-               {"cache", row.cold ? "cold" : "warm"},
-               {"huge_pages", row.huge_pages}};
-  if (!isMeasured(row)) {
+               {"cache", settings.cold ? "cold" : "warm"}};
+  if (!row.isMeasured()) {
     json["failure"] = row.failure;
     return json;
   }
-  const RowSummary sum = summaryOf(row);
-  const double median = sum.seconds.median;
-  json["triangles"] = sum.size.triangles;
-  json["vertices"] = sum.size.vertices;
-  json["seconds"] = jsonOf(sum.seconds);
-  json["seconds"]["all"] = sum.all_seconds;
-  json["first_seconds"] = jsonOf(sum.first_seconds);
-  json["load_seconds"] = jsonOf(sum.load_seconds);
-  json["prepare_seconds"] = jsonOf(sum.prepare_seconds);
-  json["processor_seconds"] = jsonOf(sum.processor_seconds);
-  json["mtri_s"] = 1e-6 * static_cast<double>(sum.size.triangles) / median;
-  json["mvoxel_s"] = 1e-6 * volumeOf(scene) / median;
-  json["busy_cores"] = sum.busy_cores;
-  json["peak_rss_bytes"] = sum.peak_rss_bytes;
-  json["loaded_rss_bytes"] = sum.loaded_rss_bytes;
-  json["output_bytes"] = sum.size.bytes;
-  json["huge_page_bytes"] = sum.huge_page_bytes;
-  if (const BenchRow* const reference = referenceFor(row, rows)) {
-    json["ratio"] = summaryOf(*reference).seconds.median / median;
-    json["ratio_to"] = reference->name;
+  const auto values = [&](const char* key) {
+    std::vector<double> all;
+    for (const Json& m : row.measurements) all.push_back(m[key]);
+    return all;
+  };
+  const auto greatest = [&](const char* key) {
+    std::uint64_t most = 0;
+    for (const Json& m : row.measurements) most = std::max(most, m[key].get<std::uint64_t>());
+    return most;
+  };
+  std::vector<double> all_seconds, busy_cores;
+  for (const Json& m : row.measurements) {
+    const auto seconds = m["seconds"].get<std::vector<double>>();
+    all_seconds.insert(all_seconds.end(), seconds.begin(), seconds.end());
+    busy_cores.push_back(m["processor_seconds"].get<double>() *
+                         static_cast<double>(seconds.size()) /
+                         std::accumulate(seconds.begin(), seconds.end(), 0.0));
   }
-  if (row.cold)
+  const Json& last = row.measurements.back();
+  json["triangles"] = last["triangles"];
+  json["vertices"] = last["vertices"];
+  json["seconds"] = spreadOf(all_seconds);
+  json["seconds"]["all"] = all_seconds;
+  for (const char* key : {"first_seconds", "load_seconds", "prepare_seconds", "processor_seconds"})
+    json[key] = spreadOf(values(key));
+  const double median = json["seconds"]["median"];
+  json["mtri_s"] = 1e-6 * last["triangles"].get<double>() / median;
+  json["mvoxel_s"] = 1e-6 * static_cast<double>(elementCount(scene.voxels)) / median;
+  json["busy_cores"] = spreadOf(busy_cores)["median"];
+  for (const char* key : {"peak_rss_bytes", "loaded_rss_bytes", "output_bytes"})
+    json[key] = greatest(key);
+  if (!row.cached_shares.empty())
     json["cached_share_before"] =
         *std::max_element(row.cached_shares.begin(), row.cached_shares.end());
-  if (row.error)
-    json["distance"] = {{"to_finest", jsonOf(row.error->to_finest)},
-                        {"from_finest", jsonOf(row.error->from_finest)}};
-  if (!sum.note.empty()) json["note"] = sum.note;
+  if (row.to_finest)
+    json["distance"] = {{"to_finest", jsonOf(*row.to_finest)},
+                        {"from_finest", jsonOf(*row.from_finest)}};
+  if (const std::string note = last["note"]; !note.empty()) json["note"] = note;
   return json;
 }
 
-std::string mebibytes(std::uint64_t bytes) {
-  return fmt::format("{:.0f}", static_cast<double>(bytes) / kMebi);
+// The others are compared with the fastest peer that is exact, or else with our own row.
+void addRatios(Json& rows) {
+  for (const std::string reference : {"vtkFlyingEdges3D", kFinestRow}) {
+    const auto found = std::find_if(rows.begin(), rows.end(), [&](const Json& row) {
+      return row["name"] == reference && row.contains("seconds");
+    });
+    if (found == rows.end()) continue;
+    const double seconds = (*found)["seconds"]["median"];
+    for (Json& row : rows)
+      if (row.contains("seconds")) {
+        row["ratio"] = seconds / row["seconds"]["median"].get<double>();
+        row["ratio_to"] = reference;
+      }
+    return;
+  }
 }
 
-std::string milliseconds(double seconds) { return fmt::format("{:.1f}", 1e3 * seconds); }
+std::string milliseconds(const Json& seconds) {
+  return fmt::format("{:.1f}", 1e3 * seconds.get<double>());
+}
 
-// The rows of one setting.
-std::string textOfSetting(const std::vector<const BenchRow*>& group, const BenchScene& scene,
-                          const std::vector<BenchRow>& rows) {
-  const BenchRow* const reference = referenceFor(*group.front(), rows);
+std::string mebibytes(const Json& bytes) {
+  return fmt::format("{:.0f}", bytes.get<double>() / (1024 * 1024));
+}
+
+std::string textOfTimes(const Json& rows) {
   TextTable table("LRRRRRRRRRRRRR");
   table.add({"", "triangles", "median ms", "min", "max", "CPU ms", "first", "prepare", "Mtri/s",
-             "Mvoxel/s", "cores", "peak MiB", "mesh MiB", reference != nullptr ? "ratio" : ""});
-  std::string failures;
-  for (const BenchRow* const row : group) {
-    if (!isMeasured(*row)) {
-      failures += fmt::format("{}: {}\n", row->name, row->failure);
+             "Mvoxel/s", "cores", "peak MiB", "mesh MiB", "ratio"});
+  std::string failures, reference;
+  for (const Json& row : rows) {
+    if (!row.contains("seconds")) {
+      failures += fmt::format("{}: {}\n", row["name"].get<std::string>(),
+                              row["failure"].get<std::string>());
       continue;
     }
-    const RowSummary sum = summaryOf(*row);
-    const double median = sum.seconds.median;
-    table.add({row->name, fmt::format("{}", sum.size.triangles), milliseconds(median),
-               milliseconds(sum.seconds.min), milliseconds(sum.seconds.max),
-               milliseconds(sum.processor_seconds.median), milliseconds(sum.first_seconds.median),
-               milliseconds(sum.prepare_seconds.median),
-               fmt::format("{:.1f}", 1e-6 * static_cast<double>(sum.size.triangles) / median),
-               fmt::format("{:.0f}", 1e-6 * volumeOf(scene) / median),
-               fmt::format("{:.2f}", sum.busy_cores), mebibytes(sum.peak_rss_bytes),
-               mebibytes(sum.size.bytes),
-               reference == nullptr
-                   ? ""
-                   : fmt::format("{:.2f}", summaryOf(*reference).seconds.median / median)});
+    const auto number = [&](const char* key, int digits) {
+      return row.contains(key) ? fmt::format("{:.{}f}", row[key].get<double>(), digits) : "";
+    };
+    const auto median = [&](const char* key) { return milliseconds(row[key]["median"]); };
+    reference = row.value("ratio_to", "");
+    table.add({row["name"], number("triangles", 0), median("seconds"),
+               milliseconds(row["seconds"]["min"]), milliseconds(row["seconds"]["max"]),
+               median("processor_seconds"), median("first_seconds"), median("prepare_seconds"),
+               number("mtri_s", 1), number("mvoxel_s", 0), number("busy_cores", 2),
+               mebibytes(row["peak_rss_bytes"]), mebibytes(row["output_bytes"]),
+               number("ratio", 2)});
   }
-  return table.text() +
-         (reference != nullptr
-              ? fmt::format("ratio: how many times as fast as {}\n", reference->name)
-              : "") +
-         failures;
+  if (!reference.empty())
+    reference = fmt::format("ratio: how many times as fast as {}\n", reference);
+  return table.text() + reference + failures;
 }
 
-std::string textOfErrors(const std::vector<BenchRow>& rows) {
+std::string textOfDistances(const Json& rows) {
   TextTable table("LRRRRRRR");
   table.add({"", "triangles", "mean", "99 %", "max", "back: mean", "99 %", "max"});
-  std::vector<std::string> told;
-  for (const BenchRow& row : rows) {
-    if (!row.error || std::find(told.begin(), told.end(), row.name) != told.end()) continue;
-    told.push_back(row.name);
-    std::vector<std::string> cells = {row.name,
-                                      fmt::format("{}", row.measurements.back().size.triangles)};
-    for (const OneWayDistance& d : {row.error->to_finest, row.error->from_finest})
-      for (const double voxels : {d.mean, d.p99, d.max})
-        cells.push_back(fmt::format("{:.4f}", voxels));
+  bool any = false;
+  for (const Json& row : rows) {
+    if (!row.contains("distance")) continue;
+    any = true;
+    std::vector<std::string> cells = {row["name"], fmt::format("{}", row["triangles"].dump())};
+    for (const char* way : {"to_finest", "from_finest"})
+      for (const char* key : {"mean", "p99", "max"})
+        cells.push_back(fmt::format("{:.4f}", row["distance"][way][key].get<double>()));
     table.add(std::move(cells));
   }
-  if (told.empty()) return {};
-  return "\nvoxels from it to the finest surface, and back\n" + table.text();
+  return any ? "\nvoxels from it to the finest surface, and back\n" + table.text() : "";
 }
 
 }  // namespace
@@ -185,16 +157,6 @@ std::string textOfErrors(const std::vector<BenchRow>& rows) {
 double machineLoad() {
   std::array<double, 1> load{0};
   return getloadavg(load.data(), 1) == 1 ? load[0] : 0;
-}
-
-BenchScene makeBenchScene(const Index3& voxels, const std::string& voxel_type) {
-  BenchScene scene;
-  scene.voxels = voxels;
-  scene.voxel_type = voxel_type;
-  scene.processor = processorName();
-  scene.cores = static_cast<int>(std::thread::hardware_concurrency());
-  scene.load_before = machineLoad();
-  return scene;
 }
 
 Json jsonOfBench(const BenchSettings& settings, const BenchScene& scene,
@@ -207,34 +169,28 @@ Json jsonOfBench(const BenchSettings& settings, const BenchScene& scene,
                {"threads", settings.threads},
                {"rounds", settings.rounds},
                {"repeats", settings.repeats},
-               {"processor", scene.processor},
-               {"cores", scene.cores},
-               {"load", {{"before", scene.load_before}, {"after", scene.load_after}}}};
-  json["rows"] = Json::array();
-  for (const BenchRow& row : rows) json["rows"].push_back(jsonOfRow(row, settings, scene, rows));
+               {"processor", processorName()},
+               {"cores", std::thread::hardware_concurrency()},
+               {"load", {{"before", scene.load_before}, {"after", machineLoad()}}},
+               {"rows", Json::array()}};
+  for (const BenchRow& row : rows) json["rows"].push_back(jsonOfRow(row, settings, scene));
+  addRatios(json["rows"]);
   return json;
 }
 
-std::string textOfBench(const BenchSettings& settings, const BenchScene& scene,
-                        const std::vector<BenchRow>& rows) {
+std::string textOfBench(const Json& bench) {
+  const Json &size = bench["dimensions"], &load = bench["load"];
   std::string text = fmt::format(
       "{}: {} x {} x {} {}, isovalue {}, {} threads, {} rounds\n{}, {} cores, load {:.2f} before "
       "and {:.2f} after\n",
-      settings.path, scene.voxels.x, scene.voxels.y, scene.voxels.z, scene.voxel_type,
-      settings.isovalue, settings.threads, settings.rounds, scene.processor, scene.cores,
-      scene.load_before, scene.load_after);
-  for (const bool cold : settings.cold)
-    for (const bool huge_pages : settings.huge_pages) {
-      std::vector<const BenchRow*> group;
-      for (const BenchRow& row : rows)
-        if (row.cold == cold && row.huge_pages == huge_pages) group.push_back(&row);
-      if (group.empty()) continue;
-      text += fmt::format("\n{}, {} huge pages\n",
-                          cold ? "cold: from the file on the disk to the mesh" : "warm",
-                          huge_pages ? "with" : "without");
-      text += textOfSetting(group, scene, rows);
-    }
-  return text + textOfErrors(rows);
+      bench["file"].get<std::string>(), size[0].dump(), size[1].dump(), size[2].dump(),
+      bench["voxel_type"].get<std::string>(), bench["isovalue"].get<double>(),
+      bench["threads"].dump(), bench["rounds"].dump(), bench["processor"].get<std::string>(),
+      bench["cores"].dump(), load["before"].get<double>(), load["after"].get<double>());
+  const Json& rows = bench["rows"];
+  text +=
+      rows[0]["cache"] == "cold" ? "\ncold: from the file on the disk to the mesh\n" : "\nwarm\n";
+  return text + textOfTimes(rows) + textOfDistances(rows);
 }
 
 }  // namespace isobrick

@@ -1,13 +1,26 @@
 // How far two surfaces lie apart.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "isobrick/storage/grid.h"
-#include "tools/bench/plain_mesh.h"
 
 namespace isobrick {
+
+struct PlainMesh {
+  std::vector<std::array<float, 3>> positions;          // in voxel indices
+  std::vector<std::array<std::uint32_t, 3>> triangles;  // numbers of positions
+};
+
+// A temporary file, in the byte order of this machine, in which a row's process leaves its mesh:
+// two numbers of 64 bits (positions, triangles), then these. Both throw Error that names the file;
+// reading also if its size or a number in it does not fit.
+void writePlainMesh(const PlainMesh& mesh, const std::string& path);
+PlainMesh readPlainMesh(const std::string& path);
 
 // From the points of one surface to the nearest points of another, in voxels. Infinite if the other
 // has no triangles; 0 if the first has no points.
