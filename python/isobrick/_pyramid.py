@@ -326,20 +326,34 @@ class Pyramid:
         focus, radius and box are (x, y, z) in world units, or voxel indices (x, y, z) with ``indices=True``; so
         is the distance of ``simplify``. The mesh's points are (x, y, z) in world units.
 
-        isovalue   values of at least this are inside; 'auto': the first of ``isovalues()``
+        Parameters
+        ----------
+        isovalue
+            values of at least this are inside; 'auto': the first of ``isovalues()``
         focus, radius
-                   the finest level within the sphere, coarser with the distance from it
-        level      the whole surface from this level; not with a focus
-        view       as fine as a picture from there can show
-        curvature  level 1 where the total curvature is at most this, in 1/voxel^2
-        or_finer   more of these, each a ``Detail``: a cell is refined if any one of them wants it
-        box        ((x, y, z), (x, y, z)): only cells that overlap it
-        simplify   fewer triangles, within this distance
-        drop_small leaves out pieces within one brick whose box has a diagonal below that distance
-        values     another pyramid: its values at the points become ``Mesh.values``
-        part       (i, n): only share i of n shares of the surface, i from 1, which is open where others begin
-        memory     bounds what stays of the file in memory, for this query alone
-        threads    0: all cores
+            the finest level within the sphere, coarser with the distance from it
+        level
+            the whole surface from this level; not with a focus
+        view
+            as fine as a picture from there can show
+        curvature
+            level 1 where the total curvature is at most this, in 1/voxel^2
+        or_finer
+            more of these, each a ``Detail``: a cell is refined if any one of them wants it
+        box
+            ((x, y, z), (x, y, z)): only cells that overlap it
+        simplify
+            fewer triangles, within this distance
+        drop_small
+            leaves out pieces within one brick whose box has a diagonal below that distance
+        values
+            another pyramid: its values at the points become ``Mesh.values``
+        part
+            (i, n): only share i of n shares of the surface, i from 1, which is open where others begin
+        memory
+            bounds what stays of the file in memory, for this query alone
+        threads
+            0: all cores
         """
         pyramid = self
         if memory is not None:

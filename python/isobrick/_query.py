@@ -16,11 +16,18 @@ class View:
     """From where the surface is seen, (x, y, z) in world units: cells are refined while an edge covers more
     than ``pixels`` of a picture taken from ``eye``.
 
-    pixels_per_radian  of a perspective picture: its height in pixels over its field of view in radians
-    pixels_per_unit    of a parallel projection, in its place: pixels per world unit
-    look_at            a point in the middle of the picture; the surface is coarser outside of the field
-    field_of_view      from corner to corner, in degrees
-    field_radius       half of that for a parallel projection, in world units
+    Parameters
+    ----------
+    pixels_per_radian
+        of a perspective picture: its height in pixels over its field of view in radians
+    pixels_per_unit
+        of a parallel projection, in its place: pixels per world unit
+    look_at
+        a point in the middle of the picture; the surface is coarser outside of the field
+    field_of_view
+        from corner to corner, in degrees
+    field_radius
+        half of that for a parallel projection, in world units
     """
 
     eye: Sequence[float]
@@ -37,10 +44,16 @@ class Detail:
     """How fine the surface is where; what is given leaves cells coarse together. (x, y, z) in world units, or
     voxel indices if the query says ``indices=True``.
 
-    focus, radius  the finest level within the sphere, coarser with the distance from it
-    level          the whole surface from this level; not with a focus
-    view           as fine as a picture from there can show
-    curvature      level 1 where the total curvature is at most this, in 1/voxel^2
+    Parameters
+    ----------
+    focus, radius
+        the finest level within the sphere, coarser with the distance from it
+    level
+        the whole surface from this level; not with a focus
+    view
+        as fine as a picture from there can show
+    curvature
+        level 1 where the total curvature is at most this, in 1/voxel^2
     """
 
     focus: Sequence[float] | None = None
