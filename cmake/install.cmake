@@ -32,14 +32,14 @@ if(ISOBRICK_COMMAND)
   if(ISOBRICK_WITH_WINDOW)
     install(FILES desktop/isobrick.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications COMPONENT runtime)
   endif()
-  # Where the shells look for them; OPTIONAL: a cross build has none.
-  set(pages ${PROJECT_BINARY_DIR}/pages)
-  install(DIRECTORY ${pages}/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT runtime OPTIONAL)
-  install(FILES ${pages}/bash/isobrick COMPONENT runtime OPTIONAL
+  install(DIRECTORY ${PROJECT_BINARY_DIR}/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT runtime
+          OPTIONAL)  # a cross build has none
+  # Where the shells look for them.
+  set(completions desktop/completions)
+  install(FILES ${completions}/isobrick.bash COMPONENT runtime RENAME isobrick
           DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
-  install(FILES ${pages}/zsh/_isobrick COMPONENT runtime OPTIONAL
-          DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
-  install(FILES ${pages}/fish/isobrick.fish COMPONENT runtime OPTIONAL
+  install(FILES ${completions}/_isobrick COMPONENT runtime DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
+  install(FILES ${completions}/isobrick.fish COMPONENT runtime
           DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
 endif()
 

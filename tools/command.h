@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -66,12 +65,6 @@ Command addBenchCommand(CLI::App& app);
 Command addCacheCommand(CLI::App& app);
 Command addFormatsCommand(CLI::App& app);
 Command addVolumeFormatsCommand(CLI::App& app);
-Command addPagesCommand(CLI::App& app);
-
-// `definitions` of every executable, which prints: {"commands": [{"name", "description", "footer",
-// "options": [...]}], "description", "footer"}, without hidden ones.
-Command addDefinitionsCommand(CLI::App& app);
-nlohmann::ordered_json definitionsOf(const CLI::App& app);
 Command addBenchRowCommand(CLI::App& app);
 
 }  // namespace isobrick

@@ -62,7 +62,6 @@ std::vector<Command> addCommands(CLI::App& app) {
   commands.push_back(addPhantomCommand(app));
   commands.push_back(addCacheCommand(app));
   commands.push_back(addFormatsCommand(app));
-  commands.push_back(addPagesCommand(app));
   commands.push_back(addBenchCommand(app));
   commands.push_back(addBenchRowCommand(app));
   app.footer(kExamples);  // last: subcommands would inherit it

@@ -119,8 +119,7 @@ int runWords(int argc, char** argv) {
   if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);
-  std::vector<Command> commands = addCommands(app);
-  commands.push_back(addDefinitionsCommand(app));
+  const std::vector<Command> commands = addCommands(app);
   if (argc > 1 && !isSubcommand(app, argv[1])) runCommandOfFile(argc, argv);
   if (const auto status = parseArguments(app, argc, argv)) return *status;
   installInterruptHandler();

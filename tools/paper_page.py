@@ -9,24 +9,16 @@ figures beside it. Needs nothing but Python itself.
 """
 
 import json
-import os
 import re
 import shutil
 import sys
+from pathlib import Path
 
-folder, template, page = sys.argv[1:]
-
-
-class Missing(Exception):
-    """A result that is not there."""
+folder, template, page = map(Path, sys.argv[1:])
 
 
 def result(name):
-    try:
-        with open(f"{folder}/results/{name}.json", encoding="utf-8") as file:
-            return json.load(file)
-    except FileNotFoundError:
-        raise Missing(name) from None
+    return json.loads((folder / "results" / f"{name}.json").read_text())
 
 
 def check(holds, what):
@@ -163,7 +155,7 @@ def plot_figure7():
               f'<path d="M280 {y}h24" stroke="#c0392b" stroke-width="1.6"/><text x="310" y="{y + 4}">'
               'p over the node’s own range</text>',
               "</svg>"]
-    replace(f"{folder}/pictures/paper-figure7.svg", "\n".join(parts) + "\n")
+    (folder / "pictures/paper-figure7.svg").write_text("\n".join(parts) + "\n")
 
 
 # ---- Figures 8 to 11 ------------------------------------------------------------------------------
@@ -236,41 +228,26 @@ def frames():
 
 # ---- The page -------------------------------------------------------------------------------------
 
-
-def replace(path, text):
-    with open(path + ".part", "w", encoding="utf-8") as file:
-        file.write(text)
-    os.replace(path + ".part", path)
-
-
 TABLES = {make.__name__: make for make in (machine, figure2, figure3, figure5, figure7, figure8, figure9, figure11,
                                            overheads, frames)}
 
 
 def filled(match):
-    name = match[1]
     try:
-        text = TABLES[name]()
-    except Missing as missing:
-        text = f"(Left out: the result {missing} is missing.)"
-    return f"<!-- begin {name} -->\n{text}\n<!-- end {name} -->"
+        text = TABLES[match[1]]()
+    except FileNotFoundError as missing:
+        text = f"(Left out: the result {Path(missing.filename).stem} is missing.)"
+    return f"<!-- begin {match[1]} -->\n{text}\n<!-- end {match[1]} -->"
 
 
-def main():
-    with open(template, encoding="utf-8") as file:
-        text = re.sub(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", filled, file.read(), flags=re.DOTALL)
-    try:
-        plot_figure7()
-    except Missing as missing:
-        print(f"figure 7 is not drawn: {missing} is missing")
-    figures = os.path.join(os.path.dirname(page), "figures")
-    os.makedirs(figures, exist_ok=True)
-    for picture in re.findall(r"\(figures/(paper-[^)]+)\)", text):
-        source, target = f"{folder}/pictures/{picture}", f"{figures}/{picture}"
-        if os.path.exists(source):
-            shutil.copyfile(source, target + ".part")
-            os.replace(target + ".part", target)
-    replace(page, text)
-
-
-main()
+text = re.sub(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", filled, template.read_text(), flags=re.DOTALL)
+try:
+    plot_figure7()
+except FileNotFoundError as missing:
+    print(f"figure 7 is not drawn: {Path(missing.filename).stem} is missing")
+figures = page.parent / "figures"
+figures.mkdir(parents=True, exist_ok=True)
+for picture in re.findall(r"\(figures/(paper-[^)]+)\)", text):
+    if (folder / "pictures" / picture).exists():
+        shutil.copyfile(folder / "pictures" / picture, figures / picture)
+page.write_text(text)

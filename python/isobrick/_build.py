@@ -163,21 +163,32 @@ def build(
     Voxels that are not finite are an error, unless ``nan_as`` is the value that takes their place, or, of NaN,
     ``mask_nan`` is set: then they have no data, and surfaces are open beside them (not in a ``.isbs``).
 
-    codec       'none', 'lz4' or 'zstd': how bricks are packed
-    filter      'average' or 'subsample': from a level to the next coarser one
-    curvature   stores bounds, so that ``extract`` may have a ``curvature``
-    memory      what the build holds at most, with what it reads: bytes, or a text such as '256M'
-    threads     0: all cores
-    progress    True for a bar of tqdm, a bar, or a callable of (phase, fraction)
-    force       replaces ``out`` if it exists; of ``.isbs``: builds files again that are there. Without it those of
-                the same source stay: an array is known by its name and some of its voxels
-    raw, series, grid, time, channel, image, component
-                of files: a layout without a header, and what to take from a file with several volumes
-    super_brick of ``.isbs``: cells along an edge of what one file holds, a power of two
-    part        of ``.isbs``: (i, n), only share i of n shares of the files, i from 1, in any order and on any
-                machine; files that are there stay. ``join`` makes the index. Without it all are built and joined
-
     The file appears under its name when it is whole; Ctrl-C, ``cancel`` and errors leave nothing.
+
+    Parameters
+    ----------
+    codec
+        'none', 'lz4' or 'zstd': how bricks are packed
+    filter
+        'average' or 'subsample': from a level to the next coarser one
+    curvature
+        stores bounds, so that ``extract`` may have a ``curvature``
+    memory
+        what the build holds at most, with what it reads: bytes, or a text such as '256M'
+    threads
+        0: all cores
+    progress
+        True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+    force
+        replaces ``out`` if it exists; of ``.isbs``: builds files again that are there. Without it those of the
+        same source stay: an array is known by its name and some of its voxels
+    raw, series, grid, time, channel, image, component
+        of files: a layout without a header, and what to take from a file with several volumes
+    super_brick
+        of ``.isbs``: cells along an edge of what one file holds, a power of two
+    part
+        of ``.isbs``: (i, n), only share i of n shares of the files, i from 1, in any order and on any machine;
+        files that are there stay. ``join`` makes the index. Without it all are built and joined
     """
     name = os.fspath(out)
     is_divided = name.rstrip("/").endswith(".isbs")

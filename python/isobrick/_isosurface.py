@@ -41,23 +41,34 @@ def isosurface(
     The mesh is the one of ``build`` and ``extract``: closed but for the border of the volume, outward where values
     are below ``level``.
 
-    volume     an array [z, y, x]: the last axis is x. numpy of any strides and byte order, and what shares memory
-               with it (DLPack: torch on the CPU, SimpleITK, ITK), is read where it lies; zarr, h5py, dask, tensorstore
-               and xarray are read by whole chunks, a slab at a time
-    level      values of at least this are inside
-    spacing, origin, direction
-               the place of the voxels in the world, (x, y, z); images and xarray have their own
-    box        ((x, y, z), (x, y, z)): only cells that overlap it
-    simplify   fewer triangles, within this distance
-    drop_small leaves out pieces within one brick whose box has a diagonal below that distance
-    values     a pyramid: its values at the points become ``Mesh.values``
-    indices    box and simplify are in voxel indices and voxels; otherwise in world units
-    memory     what is read at a time of an array that is not used where it lies (other than numpy's u1, i1, u2, i2
-               and f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
-    threads    0: all cores
-
     For several surfaces of one volume, or coarser ones, ``build`` a pyramid. An array that does not lie in memory as
     float32 is read twice, once for the range of its values.
+
+    Parameters
+    ----------
+    volume
+        an array [z, y, x]: the last axis is x. numpy of any strides and byte order, and what shares memory with
+        it (DLPack: torch on the CPU, SimpleITK, ITK), is read where it lies; zarr, h5py, dask, tensorstore and
+        xarray are read by whole chunks, a slab at a time
+    level
+        values of at least this are inside
+    spacing, origin, direction
+        the place of the voxels in the world, (x, y, z); images and xarray have their own
+    box
+        ((x, y, z), (x, y, z)): only cells that overlap it
+    simplify
+        fewer triangles, within this distance
+    drop_small
+        leaves out pieces within one brick whose box has a diagonal below that distance
+    values
+        a pyramid: its values at the points become ``Mesh.values``
+    indices
+        box and simplify are in voxel indices and voxels; otherwise in world units
+    memory
+        what is read at a time of an array that is not used where it lies (other than numpy's u1, i1, u2, i2 and
+        f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
+    threads
+        0: all cores
     """
     described = describe(volume)
     query = Query(float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices)

@@ -310,12 +310,19 @@ class Pyramid:
     ) -> Mesh:
         """The isosurface, as a mesh in memory, with points (x, y, z) in world units.
 
-        isovalue   of the surface, or a ``Query``
-        part       (i, n): only share i of n shares of the surface, i from 1, which is open where others begin
-        memory     bounds what stays of the file in memory, for this query alone
-        threads    0: all cores
-        focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values, indices
-                   of ``Query``: (x, y, z) in world units, or voxel indices with ``indices=True``
+        Parameters
+        ----------
+        isovalue
+            of the surface, or a ``Query``
+        part
+            (i, n): only share i of n shares of the surface, i from 1, which is open where others begin
+        memory
+            bounds what stays of the file in memory, for this query alone
+        threads
+            0: all cores
+        **choice
+            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values and
+            indices; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)
         pyramid = self

@@ -18,11 +18,18 @@ class View:
     """From where the surface is seen, (x, y, z) in world units: cells are refined while an edge covers more
     than ``pixels`` of a picture taken from ``eye``.
 
-    pixels_per_radian  of a perspective picture: its height in pixels over its field of view in radians
-    pixels_per_unit    of a parallel projection, in its place: pixels per world unit
-    look_at            a point in the middle of the picture; the surface is coarser outside of the field
-    field_of_view      from corner to corner, in degrees
-    field_radius       half of that for a parallel projection, in world units
+    Parameters
+    ----------
+    pixels_per_radian
+        of a perspective picture: its height in pixels over its field of view in radians
+    pixels_per_unit
+        of a parallel projection, in its place: pixels per world unit
+    look_at
+        a point in the middle of the picture; the surface is coarser outside of the field
+    field_of_view
+        from corner to corner, in degrees
+    field_radius
+        half of that for a parallel projection, in world units
     """
 
     eye: Sequence[float]
@@ -39,10 +46,16 @@ class Detail:
     """How fine the surface is where; what is given leaves cells coarse together. (x, y, z) in world units, or
     voxel indices if the query says ``indices=True``.
 
-    focus, radius  the finest level within the sphere, coarser with the distance from it
-    level          the whole surface from this level; not with a focus
-    view           as fine as a picture from there can show
-    curvature      level 1 where the total curvature is at most this, in 1/voxel^2
+    Parameters
+    ----------
+    focus, radius
+        the finest level within the sphere, coarser with the distance from it
+    level
+        the whole surface from this level; not with a focus
+    view
+        as fine as a picture from there can show
+    curvature
+        level 1 where the total curvature is at most this, in 1/voxel^2
     """
 
     focus: Sequence[float] | None = None
@@ -89,18 +102,30 @@ class Query:
     focus, radius and box are (x, y, z) in world units, or voxel indices (x, y, z) with ``indices=True``; so is the
     distance of ``simplify``.
 
-    isovalue   values of at least this are inside; 'auto': the first of ``Pyramid.isovalues()``
+    Parameters
+    ----------
+    isovalue
+        values of at least this are inside; 'auto': the first of ``Pyramid.isovalues()``
     focus, radius
-               the finest level within the sphere, coarser with the distance from it
-    level      the whole surface from this level; not with a focus
-    view       as fine as a picture from there can show
-    curvature  level 1 where the total curvature is at most this, in 1/voxel^2
-    or_finer   more of these, each a ``Detail``: a cell is refined if any one of them wants it
-    box        ((x, y, z), (x, y, z)): only cells that overlap it
-    simplify   fewer triangles, within this distance
-    drop_small leaves out pieces within one brick whose box has a diagonal below that distance
-    values     another pyramid: its values at the points become ``Mesh.values``
-    indices    see above
+        the finest level within the sphere, coarser with the distance from it
+    level
+        the whole surface from this level; not with a focus
+    view
+        as fine as a picture from there can show
+    curvature
+        level 1 where the total curvature is at most this, in 1/voxel^2
+    or_finer
+        more of these, each a ``Detail``: a cell is refined if any one of them wants it
+    box
+        ((x, y, z), (x, y, z)): only cells that overlap it
+    simplify
+        fewer triangles, within this distance
+    drop_small
+        leaves out pieces within one brick whose box has a diagonal below that distance
+    values
+        another pyramid: its values at the points become ``Mesh.values``
+    indices
+        focus, radius, box and simplify are in voxel indices and voxels
     """
 
     isovalue: Isovalue = "auto"

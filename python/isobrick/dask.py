@@ -59,17 +59,25 @@ def build(
     """Builds the pyramid ``out``, a folder ``.isbs`` that all workers see, of a volume: a task for each file of a
     super-brick, and one for the index. Files that are there stay, so the same call goes on after an end of any kind.
 
-    source      a path that all workers see, or an array as of ``isobrick.build``: dask arrays are read chunk by chunk
-                by the task that needs them, persisted ones too; zarr and h5py arrays travel as what they are
-    client      of ``dask.distributed``; None: the current one
-    super_brick cells along an edge of what one task makes, a power of two
-    retries     how often Dask repeats a task that failed; one whose worker died does not count
-    memory      of a task; None: half of the worker's limit over its threads
-    threads     of a task
-    spacing, origin, raw, series, grid, time, channel, image, component, and all others
-                as of ``isobrick.build``
-
     Raises what the first failed task raised; then, and at Ctrl-C, the tasks that are left are cancelled.
+
+    Parameters
+    ----------
+    source
+        a path that all workers see, or an array as of ``isobrick.build``: dask arrays are read chunk by chunk
+        by the task that needs them, persisted ones too; zarr and h5py arrays travel as what they are
+    client
+        of ``dask.distributed``; None: the current one
+    super_brick
+        cells along an edge of what one task makes, a power of two
+    retries
+        how often Dask repeats a task that failed; one whose worker died does not count
+    memory
+        of a task; None: half of the worker's limit over its threads
+    threads
+        of a task
+    **place
+        as of ``isobrick.build``
     """
     name = os.path.abspath(os.fspath(out))
     if not name.endswith(".isbs"):
@@ -140,9 +148,13 @@ def extract(
     ``parts`` shares (None: four for each thread of the cluster), and one that merges them. The shares lie in the folder
     ``out + '.shares'``, which goes at the end unless ``keep_shares``; those of another call that are there stay.
 
-    isovalue    of the surface, or an ``isobrick.Query``
-    focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, indices
-                of ``isobrick.Query``
+    Parameters
+    ----------
+    isovalue
+        of the surface, or an ``isobrick.Query``
+    **choice
+        focus, radius, level, view, curvature, or_finer, box, simplify, drop_small and indices, as of
+        ``isobrick.Query``
     """
     name = os.path.abspath(os.fspath(out))
     if not force and os.path.exists(name):

@@ -13,26 +13,10 @@ import os
 import re
 import signal
 import subprocess
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
 
 _BLOCK = re.compile(r"^```(\w+)?(?: title=\"([^\"]+)\")?[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-
-
-@dataclass
-class Block:
-    language: str
-    title: str
-    text: str
-    line: int
-
-
-def blocks_of(page: Path) -> list[Block]:
-    text = page.read_text()
-    return [
-        Block(found[1] or "", found[2] or "", found[3], text.count("\n", 0, found.start()) + 1)
-        for found in _BLOCK.finditer(text)
-    ]
 
 
 def _one_space(line: str) -> str:
@@ -53,54 +37,41 @@ def missing_line(expected: str, printed: str) -> str | None:
 
 def run_page(page: Path, folder: Path, environment: dict[str, str], seconds: float = 120) -> int:
     """Raises AssertionError with the place in the page; returns how many blocks ran."""
-    blocks = blocks_of(page)
+    text = page.read_text()
+    blocks = list(_BLOCK.finditer(text))
+    outputs = [folder / f".output{number}" for number in range(len(blocks))]
     script = ["set -euo pipefail"]
-    for number, block in enumerate(blocks):
-        if block.title:
-            (folder / ".blocks").mkdir(exist_ok=True)
-            (folder / ".blocks" / str(number)).write_text(block.text)
-            script.append(f"mkdir -p \"$(dirname '{block.title}')\"; cp .blocks/{number} '{block.title}'")
-        elif block.language == "sh":
-            script += [f"exec >.output{number} 2>&1; echo {number} >.at", block.text]
-    script.append("echo end >.at")
+    for block, output in zip(blocks, outputs, strict=True):
+        output.unlink(missing_ok=True)
+        language, title, code = block.groups()
+        if title:
+            source = output.with_name(output.name + ".source")
+            source.write_text(code)
+            script.append(f"mkdir -p \"$(dirname '{title}')\"; cp {source} '{title}'")
+        elif language == "sh":
+            script += [f"exec >{output} 2>&1", code]
     # A session of its own: servers that a page starts end with it.
     shell = subprocess.Popen(
-        ["bash", "-c", "\n".join(script)],
-        cwd=folder,
-        env={**os.environ, **environment},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        ["bash", "-c", "\n".join(script)], cwd=folder, env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
         start_new_session=True,
-    )
+    )  # fmt: skip
     try:
-        shell.wait(timeout=seconds)
+        why = "fails" if shell.wait(timeout=seconds) else ""
     except subprocess.TimeoutExpired:
-        pass
+        why = "takes too long"
     finally:
-        try:
+        with suppress(ProcessLookupError):
             os.killpg(shell.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
         shell.wait()
-    at = (folder / ".at").read_text().strip() if (folder / ".at").exists() else "start"
-    if at != "end":
-        block = blocks[int(at)]
-        printed = (folder / f".output{at}").read_text()
-        why = "takes too long" if shell.returncode == -signal.SIGKILL else "fails"
-        raise AssertionError(f"{page}:{block.line}: the block {why}:\n{block.text}\n{printed}")
-    ran = 0
     last_printed = None
+    ran = [number for number, output in enumerate(outputs) if output.exists()]
     for number, block in enumerate(blocks):
-        if block.title:
-            continue
-        if block.language == "sh":
-            ran += 1
-            last_printed = (folder / f".output{number}").read_text()
-        elif block.language == "text" and last_printed is not None:
-            missing = missing_line(block.text, last_printed)
-            assert missing is None, f"{page}:{block.line}: not printed: {missing}\nbut:\n{last_printed}"
-            last_printed = None
-        else:
-            last_printed = None
-    return ran
+        place = f"{page}:{text.count(chr(10), 0, block.start()) + 1}"
+        if why and number == ran[-1]:
+            raise AssertionError(f"{place}: the block {why}:\n{block[3]}\n{outputs[number].read_text()}")
+        if block[1] == "text" and not block[2] and last_printed is not None:
+            missing = missing_line(block[3], last_printed)
+            assert missing is None, f"{place}: not printed: {missing}\nbut:\n{last_printed}"
+        if not block[2]:
+            last_printed = outputs[number].read_text() if number in ran else None
+    return len(ran)

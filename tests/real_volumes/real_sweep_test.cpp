@@ -11,7 +11,7 @@
 namespace isobrick::test {
 namespace {
 
-// The figures of docs/lab.md, with --gtest_output=json:FILE.
+// Properties in --gtest_output=json:FILE have the figures.
 TEST(RealSweep, ReadsLittleMoreThanTheOptimumAtHalfTheWorkingSet) {
   const TemporaryFolder folder;
   const std::string path = folder.file("head.isb");
