@@ -7,7 +7,7 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/voxel_components.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
@@ -24,9 +24,8 @@ constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat",
                                                          ".u8",  ".u16", ".i16", ".f32"};
 
 [[maybe_unused]] Error leftOut(const std::string& path, const char* library) {
-  return unreadable(path,
-                    std::string("this isobrick was built without ") + library +
-                        "; build it anew with that, or convert the file to .vti or raw voxels");
+  return unreadable(path, "this isobrick was built without ", library,
+                    "; build it anew with that, or convert the file to .vti or raw voxels");
 }
 
 std::unique_ptr<VolumeSource> openVdb(const std::string& path,
@@ -170,11 +169,10 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   if (!isRegularFile(path) && !isPyramidFile(path)) return;
   const std::string ending = lowerExtension(path);
   if ((ending == ".isb" || isFolder(path)) && !options.pyramid_level)
-    throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
-                {.path = path});
+    throw fileError(path, "'", path, "' is a pyramid already; give the volume that it was made of");
   if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
-    throw Error("'" + path + "' has no header; say how its voxels lie", {.path = path},
-                {Remedy::kDescribeRawFile});
+    throw fileError(path, "'", path, "' has no header; say how its voxels lie",
+                    Remedy::kDescribeRawFile);
 }
 
 std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,
