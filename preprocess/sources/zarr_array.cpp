@@ -434,8 +434,8 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
     return false;
   }
   const StoreFile file(path);
-  const auto damaged = [&](const std::string& why) {
-    return unreadable(path, why, "; get the whole store again");
+  const auto damaged = [&](const auto&... why) {
+    return unreadable(path, why..., "; get the whole store again");
   };
   std::optional<ByteRun> run = ByteRun{0, file.size()};
   for (std::size_t shard = 0; run && shard < shards_.size(); ++shard)
