@@ -132,8 +132,9 @@ std::unique_ptr<ByteStream> contentStream(const NumberFiles& files,
       return makeTextNumbers(std::move(file), offset, type, numbers);
     case Form::kHex:
       return std::make_unique<HexStream>(std::move(file), offset);
-    case Form::kBytes:
     case Form::kNibbles:
+      return std::make_unique<NibbleStream>(std::move(file), offset, files.row_numbers);
+    case Form::kBytes:
       break;
   }
   return makeFileStream(std::move(file), offset);
@@ -191,16 +192,10 @@ class NumberStream final : public ByteStream {
       if (have < share_bytes_) throw tooShort(have);
       skipped = have - share_bytes_;
     }
-    if (files_.form == Form::kBytes || files_.form == Form::kNibbles) {
-      if (files_.form == Form::kBytes)
-        content_ = makeFileStream(file, offset + skipped);
-      else
-        content_ = std::make_unique<NibbleStream>(file, offset + skipped, files_.row_numbers);
-    } else {
-      content_ =
-          contentStream(files_, file, offset, type_, (skipped + share_bytes_) / storedBytes(type_));
-      skipBytes(*content_, skipped);
-    }
+    const bool is_packed = files_.form != Form::kBytes && files_.form != Form::kNibbles;
+    content_ = contentStream(files_, file, offset + (is_packed ? 0 : skipped), type_,
+                             (skipped + share_bytes_) / storedBytes(type_));
+    if (is_packed) skipBytes(*content_, skipped);
     left_ = share_bytes_;
     return true;
   }

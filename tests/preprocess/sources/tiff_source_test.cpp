@@ -1,6 +1,4 @@
 // TIFF pictures of all forms have the numbers that were written.
-#include "isobrick/preprocess/sources/format_sources.h"
-
 #include <gtest/gtest.h>
 #include <tiffio.h>
 
