@@ -25,7 +25,6 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/value_fit.h"
-#include "isobrick/preprocess/voxel_array.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid_verify.h"
 #include "isobrick/viewer/stream/merged_surface.h"

@@ -40,7 +40,6 @@ set(isobrick_public_headers
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
   preprocess/pyramid_builder.h
-  preprocess/voxel_array.h
   preprocess/sources/open_volume.h
   preprocess/value_fit.h
   preprocess/volume_source.h)

@@ -1,17 +1,98 @@
 // Makes everything from one brick's samples: its stored parts, and the input of coarser levels.
 #pragma once
 
-#include "isobrick/preprocess/brick_closures.h"
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
 #include "isobrick/preprocess/brick_window.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/preprocess/kernels/tile_ranges.h"
-#include "isobrick/preprocess/phase_times.h"
 #include "isobrick/preprocess/scratch_volume.h"
 #include "isobrick/preprocess/voxel_statistics.h"
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/pyramid_writer.h"
+#include "isobrick/storage/table_rows.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
+
+// A brick's range is a closure (rule 7): it includes the samples of its own level, of all finer
+// ones, and of the coarser ones up to the level at which the brick is a single cell. The first two
+// and the nearest coarser levels come with the ranges of its tiles, the others when those levels
+// are made. Thread-safe for different bricks of one level.
+class BrickClosures {
+ public:
+  // For these bricks, with empty ranges at first.
+  BrickClosures(const BrickLayout& layout, const TableRows& rows, bool has_missing = false)
+      : BrickClosures(layout, rows, std::vector<ValueRange>(rows.count())) {
+    has_missing_ = has_missing;
+  }
+  // With ranges that are known.
+  BrickClosures(const BrickLayout& layout, const TableRows& rows, std::vector<ValueRange> ranges)
+      : layout_(layout), rows_(rows), ranges_(std::move(ranges)) {}
+
+  // To be called once for each of these bricks, finest level first: `tiles` is the union of
+  // the brick's tile ranges, `samples` holds the corners of its cells.
+  template <typename T>
+  void include(int level, const Index3& brick, const ValueRange& tiles,
+               const SampleBlock<T>& samples);
+
+  // The half of include() that concerns finer bricks: takes the samples into those of them that are
+  // among these.
+  template <typename T>
+  void includeInFiner(int level, const Index3& brick, const SampleBlock<T>& samples);
+
+  // In the order of the brick table; final when all bricks were included.
+  std::span<const ValueRange> all() const { return ranges_; }
+  // Row of a brick in that order.
+  std::size_t row(int level, const Index3& brick) const { return rows_.row(level, brick); }
+
+ private:
+  BrickLayout layout_;
+  TableRows rows_;
+  std::vector<ValueRange> ranges_;
+  bool has_missing_ = false;  // samples without data
+};
+
+enum class BuildStep { kRead, kLowPass, kRanges, kCount, kCurvature, kPack, kWrite, kPublish };
+inline constexpr std::array<const char*, 8> kBuildStepNames = {
+    "read", "low-pass", "ranges", "count", "curvature", "pack", "write", "publish"};
+
+// Seconds that all threads together spent in each step. Thread-safe.
+class PhaseTimes {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  // Adds the time of its life to a step.
+  class Timer {
+   public:
+    Timer(PhaseTimes& times, BuildStep step) : times_(times), step_(step) {}
+    ~Timer() {
+      times_.nanoseconds_[static_cast<std::size_t>(step_)].fetch_add(
+          std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - begin_).count(),
+          std::memory_order_relaxed);
+    }
+    Timer(const Timer&) = delete;
+    Timer& operator=(const Timer&) = delete;
+
+   private:
+    PhaseTimes& times_;
+    BuildStep step_;
+    Clock::time_point begin_ = Clock::now();
+  };
+
+  double seconds(BuildStep step) const {
+    return static_cast<double>(nanoseconds_[static_cast<std::size_t>(step)].load()) * 1e-9;
+  }
+
+ private:
+  std::array<std::atomic<std::int64_t>, kBuildStepNames.size()> nanoseconds_{};
+};
 
 // The samples and ranges that bricks of a level pass on to the next one.
 template <typename T>

@@ -4,18 +4,96 @@
 #include <array>
 #include <cstring>
 #include <future>
+#include <limits>
+#include <mutex>
 
 #include "isobrick/preprocess/brick_window.h"
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/pyramid_file_builder.h"
 #include "isobrick/preprocess/scratch_volume.h"
-#include "isobrick/preprocess/slice_spool.h"
-#include "isobrick/preprocess/voxel_window.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/brick_supply.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 namespace {
+
+// All values that a voxel of the type may have, which bounds those of integers: normals are the
+// same whatever the bounds, as long as squares of gradients fit floats. Floats need their own.
+template <typename T>
+constexpr ValueRange rangeOfType() {
+  return {static_cast<float>(std::numeric_limits<T>::lowest()),
+          static_cast<float>(std::numeric_limits<T>::max())};
+}
+
+// The bricks of a box of voxels, which changes: those that are at hand. T is the voxel type.
+template <typename T>
+class VoxelWindow final : public BrickSupply {
+ public:
+  explicit VoxelWindow(const BrickLayout& layout) : layout_(layout) {}
+
+  // From now on the bricks are at hand whose sample boxes lie in `voxels`, which outlive their use.
+  // Nobody may use the former bricks any more.
+  void show(const SampleBlock<T>& voxels) { voxels_ = voxels; }
+  // The range of all bricks that were asked for theirs.
+  ValueRange seenRange() const;
+
+  ValueRange range(const Index3& brick) const override;
+  void copyTileRanges(const Index3& brick, std::byte* out) const override;
+  void copySamples(const Index3& brick, std::byte* out) const override;
+
+ private:
+  const BrickLayout layout_;
+  SampleBlock<T> voxels_;
+  mutable std::mutex mutex_;  // guards all below
+  mutable ValueRange seen_;
+};
+
+// Of a volume of which no pyramid is built: as a pyramid has it by default, without curvature.
+PyramidSpec level0Spec(const VolumeInfo& info) {
+  BuildOptions options;
+  options.with_curvature = false;
+  return pyramidSpecOf(info, options);
+}
+
+template <typename T>
+ValueRange VoxelWindow<T>::seenRange() const {
+  const std::lock_guard lock(mutex_);
+  return seen_;
+}
+
+template <typename T>
+ValueRange VoxelWindow<T>::range(const Index3& brick) const {
+  const IndexBox cells = layout_.brickCellBox(0, brick);
+  const ValueRange range = rangeOfBlock(voxels_.part({cells.first, cells.count + Index3(1)}));
+  const std::lock_guard lock(mutex_);
+  seen_.include(range);
+  return range;
+}
+
+template <typename T>
+void VoxelWindow<T>::copyTileRanges(const Index3& brick, std::byte* out) const {
+  thread_local CubeRanges<T> tiles;
+  tiles.reset(layout_.brickTiles(0, brick));
+  includeClosedCubes(voxels_, layout_.brickCellBox(0, brick), layout_.tileCells(), tiles);
+  T* pair = reinterpret_cast<T*>(out);
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    *pair++ = tiles.min[i];
+    *pair++ = tiles.max[i];
+  }
+}
+
+template <typename T>
+void VoxelWindow<T>::copySamples(const Index3& brick, std::byte* out) const {
+  const IndexBox box = layout_.brickSampleBox(0, brick);
+  copyBox(voxels_, box, reinterpret_cast<T*>(out), box);
+}
 
 // The voxels that a window of bricks takes.
 IndexBox samplesOf(const BrickLayout& layout, const IndexBox& bricks) {
@@ -54,8 +132,7 @@ class BrickStream::Run {
   }
   void throwIfChanged() const {
     if (InputWatch::stampsOf(files_) != stamps_)
-      throw Error("'" + info_.source + "' changed while it was read; do it again",
-                  {.path = info_.source});
+      throw fileError(info_.source, "'", info_.source, "' changed while it was read; do it again");
   }
   IndexBox allBricks() const { return {Index3(0), layout_.bricks(0)}; }
   std::size_t bytesOf(const IndexBox& box) const {
@@ -241,5 +318,38 @@ void BrickStream::run(const IndexBox& bricks, const std::function<void(const Ind
   run_->run(bricks, take);
 }
 ValueRange BrickStream::range() { return run_->range(); }
+
+namespace {
+
+template <typename T>
+std::unique_ptr<const Pyramid> pyramidOf(const VolumeInfo& info, const VoxelArray& array) {
+  const PyramidSpec spec = level0Spec(info);
+  const SampleBlock<T> voxels{static_cast<const T*>(array.first),
+                              {Index3(0), info.voxels},
+                              array.row_stride,
+                              array.slice_stride};
+  const BrickLayout layout = spec.layout();
+  const auto window = std::make_shared<VoxelWindow<T>>(layout);
+  window->show(voxels);
+  ValueRange values = rangeOfType<T>();
+  if constexpr (std::is_same_v<T, float>) {
+    isolatedForEach(std::int64_t{0}, elementCount(layout.bricks(0)), [&](std::int64_t i) {
+      const Index3 brick = indexAt(i, layout.bricks(0));
+      requireFinite(voxels.part(layout.brickOwnSamples(0, brick)), info);
+      static_cast<void>(window->range(brick));
+    });
+    values = window->seenRange();
+  }
+  return std::make_unique<const Pyramid>(info.source, spec, values, window);
+}
+
+}  // namespace
+
+std::unique_ptr<const Pyramid> pyramidOfArray(const VolumeInfo& info, const VoxelArray& array) {
+  std::unique_ptr<const Pyramid> pyramid;
+  visitVoxelType(info.voxel_type,
+                 [&](auto tag) { pyramid = pyramidOf<typename decltype(tag)::Type>(info, array); });
+  return pyramid;
+}
 
 }  // namespace isobrick

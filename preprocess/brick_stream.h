@@ -1,7 +1,8 @@
-// A volume read once, from its first to its last slice, as bricks of level 0 in memory: for a query
-// that needs no pyramid.
+// A volume without a pyramid, as bricks of level 0 in memory: one that is read once, from its first
+// to its last slice, or an array.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 
@@ -59,5 +60,20 @@ class BrickStream {
   class TypedRun;
   std::unique_ptr<Run> run_;
 };
+
+// Voxels where they lie: those of a row follow each other, rows and slices lie anywhere. Strides
+// are in voxels and may be below 0.
+struct VoxelArray {
+  const void* first = nullptr;    // voxel (0, 0, 0); of the type of VolumeInfo, aligned for it
+  std::int64_t row_stride = 0;    // from (x, y, z) to (x, y + 1, z)
+  std::int64_t slice_stride = 0;  // from (x, y, z) to (x, y, z + 1)
+};
+
+// For queries of level 0, by Extractor: the mesh is that of a pyramid of the same volume. A query
+// goes once through the bricks that it needs, and copies those that the surface crosses; of
+// float32, this goes once through the array, on the calling TBB arena, for the range of its values.
+// The array outlives the result, and does not change meanwhile. Throws Error for NaN and infinite
+// voxels.
+std::unique_ptr<const Pyramid> pyramidOfArray(const VolumeInfo& info, const VoxelArray& array);
 
 }  // namespace isobrick

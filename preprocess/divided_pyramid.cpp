@@ -9,9 +9,10 @@
 #include <memory>
 #include <set>
 
-#include "isobrick/preprocess/build_region.h"
+#include "isobrick/preprocess/build_plan.h"
 #include "isobrick/preprocess/hand_over.h"
 #include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/pyramid_file_builder.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/file_system.h"
@@ -29,14 +30,12 @@ SuperBricks superBricksOf(const VolumeInfo& info, const BuildOptions& options) {
   const std::int64_t most = options.brick_cells * SuperBricks::kMostBricksAlong;
   if (cells < options.brick_cells || cells > most ||
       !std::has_single_bit(static_cast<std::uint64_t>(cells)))
-    throw Error("a super-brick of bricks of " + std::to_string(options.brick_cells) +
-                " cells has " + std::to_string(options.brick_cells) + " to " +
-                std::to_string(most) + " cells along an edge, a power of two");
+    throw Error(concat("a super-brick of bricks of ", options.brick_cells, " cells has ",
+                       options.brick_cells, " to ", most, " cells along an edge, a power of two"));
   if (layout.lattice().levels() < 2)
-    throw Error("'" + info.source +
+    throw fileError(info.source, "'", info.source,
                     "' fits into one brick: its pyramid has one level and is not divided; build it "
-                    "as one file",
-                {.path = info.source});
+                    "as one file");
   return {layout, cells};
 }
 
@@ -115,11 +114,9 @@ std::set<std::string> superBrickNamesIn(const std::string& folder) {
     return true;
   });
   if (error)
-    throw Error("'" + folder + "' cannot be read: " + error.message() + "; check the path",
-                {.path = folder});
+    throw fileError(folder, "'", folder, "' cannot be read: ", error.message(), "; check the path");
   if (names.empty())
-    throw Error("'" + folder + "' has no files of super-bricks; build them first",
-                {.path = folder});
+    throw fileError(folder, "'", folder, "' has no files of super-bricks; build them first");
   return names;
 }
 
@@ -131,14 +128,13 @@ void checkNames(const std::string& folder, const SuperBricks& super_bricks,
     if (names.erase(super_bricks.fileName(number)) == 0)
       missing.push_back(super_bricks.fileName(number));
   if (!missing.empty())
-    throw Error("'" + folder + "' lacks " + std::to_string(missing.size()) + " of its " +
-                    std::to_string(super_bricks.count()) + " files: " + someOf(missing) +
-                    "; build these super-bricks, and join again",
-                {.path = folder});
+    throw fileError(folder, "'", folder, "' lacks ", missing.size(), " of its ",
+                    super_bricks.count(), " files: ", someOf(missing),
+                    "; build these super-bricks, and join again");
   if (!names.empty())
-    throw Error("'" + folder + "' has files of another division: " +
-                    someOf({names.begin(), names.end()}) + "; move them away, and join again",
-                {.path = folder});
+    throw fileError(folder, "'", folder,
+                    "' has files of another division: ", someOf({names.begin(), names.end()}),
+                    "; move them away, and join again");
 }
 
 // The join of one pyramid; T is the voxel type.
@@ -291,10 +287,9 @@ class Join {
     const auto counts = summary.histogram->counts();
     if (voxels != static_cast<std::uint64_t>(elementCount(spec_.voxels)) || counts.front() == 0 ||
         counts.back() == 0 || closures.all().back() != voxel_range)
-      throw Error("'" + folder_ +
-                      "': what the files of super-bricks count is not of one volume; build them "
-                      "again",
-                  {.path = folder_});
+      throw fileError(
+          folder_, "'", folder_,
+          "': what the files of super-bricks count is not of one volume; build them again");
     summary.noise = statistics_.noise();
     summary.gradients = statistics_.gradients(*summary.histogram, voxel_range, spec_.voxels);
     summary.provenance_json = provenance_;

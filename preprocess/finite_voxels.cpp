@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -12,10 +13,10 @@ namespace isobrick {
 namespace {
 
 [[noreturn]] void failNotFinite(float voxel, const Index3& at, const VolumeInfo& info) {
-  throw Error("'" + info.source + "' has a voxel that is " +
-                  (std::isnan(voxel) ? "not a number" : "infinite, or too large for float32,") +
-                  " at (" + indexText(at) + "), and there is no value to put there",
-              {.path = info.source}, {Remedy::kReplaceNotFinite});
+  throw fileError(info.source, "'", info.source, "' has a voxel that is ",
+                  std::isnan(voxel) ? "not a number" : "infinite, or too large for float32,",
+                  " at (", indexText(at), "), and there is no value to put there",
+                  Remedy::kReplaceNotFinite);
 }
 
 bool areFinite(const float* voxels, std::int64_t count) {

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
 #include "isobrick/storage/file_system.h"
@@ -34,19 +35,18 @@ std::optional<std::filesystem::path> linkToNowhere(std::filesystem::path path) {
   if (reason == ENOENT)
     if (const auto link = linkToNowhere(path)) {
       const std::string target = linkTarget(*link).string();
-      throw Error(cannot + (*link == path ? "it" : "'" + link->string() + "'") + " is a link to '" +
-                      target +
-                      "', which is not there; fetch the file (git annex get, datalad get)" +
-                      " or mend the link",
-                  {.path = path});
+      throw fileError(
+          path, cannot, *link == path ? "it" : "'" + link->string() + "'", " is a link to '",
+          target,
+          "', which is not there; fetch the file (git annex get, datalad get) or mend the link");
     }
   const std::string why = std::strerror(reason);
   if (reason == EACCES || reason == EPERM)
-    throw Error(cannot + why + "; change its permissions", {.path = path});
+    throw fileError(path, cannot, why, "; change its permissions");
   if (reason == EIO || reason == ESTALE || reason == ETIMEDOUT)
     throw ResumableError(cannot + why + "; check the disk or its server, then run again",
                          {.path = path});
-  throw Error(cannot + why + "; check the path", {.path = path});
+  throw fileError(path, cannot, why, "; check the path");
 }
 
 }  // namespace
@@ -67,8 +67,7 @@ InputFile::InputFile(const std::string& path, const std::string& named_by)
   if (file_.get() < 0) refuseToOpen(path, name, errno);
   struct stat status = {};
   if (fstat(file_.get(), &status) != 0 || !S_ISREG(status.st_mode))
-    throw Error("cannot read " + name + ": it is not a regular file; copy it to one",
-                {.path = path});
+    throw fileError(path, "cannot read ", name, ": it is not a regular file; copy it to one");
   size_ = static_cast<std::uint64_t>(status.st_size);
   changed_at_ = status.st_mtim;
   posix_fadvise(file_.get(), 0, 0, POSIX_FADV_SEQUENTIAL);

@@ -10,6 +10,7 @@
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/format.h"
@@ -27,11 +28,10 @@ void append(std::string& text, const InputFile& file, std::uint64_t offset, std:
   text.resize(begin + bytes);
   const std::size_t got = file.readAt(offset, text.data() + begin, bytes);
   if (got < bytes)
-    throw ResumableError("cannot read '" + file.path() + "': it ends at byte " +
-                             std::to_string(offset + got) + " and had " +
-                             std::to_string(file.size()) +
-                             " when it was opened; run again when nobody writes to it",
-                         {.path = file.path()});
+    throw ResumableError(
+        concat("cannot read '", file.path(), "': it ends at byte ", offset + got, " and had ",
+               file.size(), " when it was opened; run again when nobody writes to it"),
+        {.path = file.path()});
 }
 
 std::uint64_t contentSample(const InputFile& file) {
@@ -143,7 +143,7 @@ std::string jsonOfNumber(double number) { return nlohmann::json(number).dump(); 
 }  // namespace
 
 std::string noteOfMissing(std::uint64_t voxels) {
-  return std::to_string(voxels) + " voxels are NaN and have no data: surfaces are open beside them";
+  return concat(voxels, " voxels are NaN and have no data: surfaces are open beside them");
 }
 
 std::string provenanceText(const VolumeSource& source, const BuildOptions& options,

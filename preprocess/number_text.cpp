@@ -17,7 +17,7 @@ std::string numberText(double number) {
 }
 
 std::string indexText(const Index3& v, const char* separator) {
-  return std::to_string(v.x) + separator + std::to_string(v.y) + separator + std::to_string(v.z);
+  return concat(v.x, separator, v.y, separator, v.z);
 }
 
 std::string pointText(const glm::dvec3& v, const char* separator) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 #include "isobrick/storage/grid.h"
 
@@ -27,6 +28,23 @@ inline std::string shortText(double number) {
   char digits[32];
   return {digits,
           std::to_chars(digits, digits + sizeof digits, number, std::chars_format::general, 6).ptr};
+}
+
+// The parts one behind the other: texts, characters, whole numbers in full, others as shortText().
+template <typename... Parts>
+std::string concat(const Parts&... parts) {
+  std::string text;
+  const auto append = [&](const auto& part) {
+    using Part = std::decay_t<decltype(part)>;
+    if constexpr (std::is_floating_point_v<Part>)
+      text += shortText(static_cast<double>(part));
+    else if constexpr (std::is_integral_v<Part> && !std::is_same_v<Part, char>)
+      text += std::to_string(part);
+    else
+      text += part;
+  };
+  (append(parts), ...);
+  return text;
 }
 
 // Shortest text that reads back as the same double.

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <glm/common.hpp>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/file_system.h"
 
 namespace isobrick {
@@ -121,7 +122,7 @@ void PreviewMaker<T>::publish(std::int64_t slices) {
   info.values = info_.values;
   info.geometry = info_.geometry;
   info.geometry.spacing *= static_cast<double>(grid_.step);
-  info.source = "preview " + std::to_string(++number_) + " of " + info_.source;
+  info.source = concat("preview ", ++number_, " of ", info_.source);
   info.format = "preview";
   PreviewSource source(std::move(info), reinterpret_cast<const std::byte*>(samples_.data()));
   BuildOptions options;

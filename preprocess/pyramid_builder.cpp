@@ -5,19 +5,102 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
+#include <new>
+#include <string>
+#include <vector>
 
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/hand_over.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/level_maker.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/preview_maker.h"
 #include "isobrick/preprocess/pyramid_file_builder.h"
-#include "isobrick/preprocess/slice_spool.h"
-#include "isobrick/preprocess/unfinished_build.h"
+#include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/pyramid_writer.h"
 
 namespace isobrick {
 namespace {
+
+struct UnfinishedBuild {
+  const VolumeInfo& info;
+  const BuildOptions& options;
+  InputWatch& input;
+  PyramidWriter& writer;
+  std::uint64_t bricks = 0;  // of the whole pyramid
+};
+
+enum class InputState { kAsItWas, kChanged, kUnknown };
+
+// Unknown if the user cancelled the check.
+InputState stateOf(InputWatch& input) {
+  try {
+    input.checkContent();
+    return InputState::kAsItWas;
+  } catch (const Cancelled&) {
+    return InputState::kUnknown;
+  } catch (const Error&) {
+    return InputState::kChanged;
+  }
+}
+
+bool keepForResume(const UnfinishedBuild& build) {
+  PyramidWriter& writer = build.writer;
+  if (!build.options.keep_unfinished || writer.bricksWritten() == 0) return false;
+  try {
+    writer.flush();
+  } catch (const Error&) {  // the disk is full: the last bricks are made again
+  }
+  writer.keepForResume();
+  return true;
+}
+
+std::string whatIsKept(const UnfinishedBuild& build) {
+  const auto percent = static_cast<int>(100 * static_cast<double>(build.writer.bricksWritten()) /
+                                        static_cast<double>(build.bricks));
+  return concat(percent, " % of the bricks are kept in '", build.writer.temporaryPath(), "'");
+}
+
+[[noreturn]] void throwInterrupted(const UnfinishedBuild& build) {
+  if (!keepForResume(build)) throw Cancelled();
+  throw Cancelled("interrupted; " + whatIsKept(build), {.path = build.writer.temporaryPath()},
+                  {Remedy::kResume});
+}
+
+// The same error, of a build that can go on.
+ResumableError resumable(const UnfinishedBuild& build, const Error& error,
+                         const std::string& more = "") {
+  std::vector<Remedy> remedies = error.remedies();
+  remedies.push_back(Remedy::kResume);
+  return ResumableError(error.what() + more + "; " + whatIsKept(build), error.place(), remedies);
+}
+
+// For a catch block: throws the current exception as the caller of buildPyramid() gets it. If the
+// build can be resumed, the temporary file stays, and the message says so.
+void throwUnfinished(const UnfinishedBuild& build) {
+  try {
+    throw;
+  } catch (const Cancelled&) {
+    throwInterrupted(build);
+  } catch (const ResumableError& error) {
+    if (!keepForResume(build)) throw;
+    throw resumable(build, error);
+  } catch (const Error& error) {
+    // A file that is written or moved while it is read may look damaged.
+    const InputState state = stateOf(build.input);
+    if (state == InputState::kUnknown) throwInterrupted(build);
+    if (state == InputState::kAsItWas || !keepForResume(build)) throw;
+    throw resumable(build, error, "; it changed while it was read");
+  } catch (const std::bad_alloc&) {
+    if (!keepForResume(build)) throw;
+    const std::string& source = build.info.source;
+    throw resumable(
+        build, fileError(source, "not enough memory for '", source, "'", Remedy::kUseLessMemory));
+  }
+}
 
 std::string spaceText(std::uint64_t bytes) {
   return bytes < std::uint64_t{1} << 20 ? std::to_string((bytes + 1023) >> 10) + " KiB"
@@ -157,8 +240,8 @@ class Build : LevelInput<T> {
     report_.missing_voxels = counts_.missing;
     report_.has_curvature = writer_.hasCurvature();
     if (counts_.missing == static_cast<std::uint64_t>(elementCount(spec_.voxels)))
-      throw Error("'" + source_.info().source + "' has no voxel with data: all are NaN",
-                  {.path = source_.info().source});
+      throw fileError(source_.info().source, "'", source_.info().source,
+                      "' has no voxel with data: all are NaN");
     PyramidWriter::Summary summary;
     summary.missing_voxels = counts_.missing;
     summary.voxel_range = levels_.voxelRange();
@@ -201,9 +284,8 @@ void refuseInputAsTemporary(const VolumeSource& source, const std::string& path)
   for (const std::string& file : source.files())
     for (const char* ending : {"", ".partial", ".partial.journal", ".partial.journal.new"}) {
       if (isSameFile(file, path + ending))
-        throw Error("'" + file + "' is an input, and building '" + path +
-                        "' would overwrite it; choose another output",
-                    {.path = file});
+        throw fileError(file, "'", file, "' is an input, and building '", path,
+                        "' would overwrite it; choose another output");
     }
 }
 

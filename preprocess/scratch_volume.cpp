@@ -4,12 +4,14 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <new>
 #include <stdexcept>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
 
@@ -43,8 +45,7 @@ LargeBuffer::LargeBuffer(std::size_t bytes) : bytes_(bytes) {
 
 std::byte* LargeBuffer::dataFor(std::size_t bytes) const {
   if (bytes > bytes_)
-    throw std::logic_error("a buffer of " + std::to_string(bytes_) + " bytes is asked for " +
-                           std::to_string(bytes));
+    throw std::logic_error(concat("a buffer of ", bytes_, " bytes is asked for ", bytes));
   return data_.get();
 }
 
@@ -119,6 +120,127 @@ void ScratchVolume::read(const IndexBox& box, void* elements) const {
                                ioFailureText(offset, result) + "; check the disk",
                            {.path = folder_});
   });
+}
+
+ScratchSource::ScratchSource(const VolumeSource& source, std::int64_t first, std::int64_t end,
+                             const std::string& folder)
+    : info_(source.info()),
+      files_(source.files()),
+      identity_(source.identity()),
+      voxels_(IndexBox{{0, 0, first}, {info_.voxels.x, info_.voxels.y, end - first}},
+              voxelBytes(info_.voxel_type), ScratchVolume::Place::kFile, folder) {}
+
+void ScratchSource::writeRows(std::int64_t first, std::int64_t count, const std::byte* rows) {
+  const std::int64_t y = first % info_.voxels.y, z = first / info_.voxels.y;
+  const std::int64_t slices = std::max(std::int64_t{1}, count / info_.voxels.y);
+  voxels_.write({{0, y, z}, {info_.voxels.x, count / slices, slices}}, rows);
+}
+
+std::unique_ptr<ScratchSource> readIntoScratch(VolumeSource& source, std::int64_t first,
+                                               std::int64_t end, const std::string& folder,
+                                               const CancelFlag* cancel,
+                                               const std::function<void(double)>& progress) {
+  auto scratch = std::make_unique<ScratchSource>(source, first, end, folder);
+  const VolumeInfo& info = source.info();
+  const std::int64_t most_rows = SliceSpool::rowsPerRead(info);
+  LargeBuffer rows(static_cast<std::size_t>(most_rows * info.voxels.x) *
+                   voxelBytes(info.voxel_type));
+  for (std::int64_t z = first; z < end; ++z) {
+    if (progress) progress(static_cast<double>(z - first) / static_cast<double>(end - first));
+    for (std::int64_t y = 0; y < info.voxels.y; y += most_rows) {
+      if (cancel != nullptr) cancel->check();
+      const std::int64_t count = std::min(most_rows, info.voxels.y - y);
+      source.readRows(z * info.voxels.y + y, count, rows.data());
+      scratch->writeRows(z * info.voxels.y + y, count, rows.data());
+    }
+  }
+  scratch->finish(source);
+  return scratch;
+}
+
+namespace {
+
+// Enough to amortise a call, little beside everything else.
+constexpr std::int64_t kBytesPerRead = std::int64_t{1} << 20;
+
+}  // namespace
+
+std::int64_t SliceSpool::rowsPerRead(const VolumeInfo& info) {
+  const auto row_bytes = info.voxels.x * static_cast<std::int64_t>(voxelBytes(info.voxel_type));
+  return std::clamp<std::int64_t>(kBytesPerRead / row_bytes, 1, info.voxels.y);
+}
+
+SliceSpool::SliceSpool(VolumeSource& source, std::int64_t first, std::int64_t slices,
+                       ScratchVolume::Place place, const std::string& folder,
+                       const CancelFlag* cancel)
+    : source_(source),
+      cancel_(cancel),
+      dims_(source.info().voxels),
+      voxel_bytes_(voxelBytes(source.info().voxel_type)),
+      slices_(slices),
+      ring_({dims_.x, dims_.y, slices}, voxel_bytes_, place, folder),
+      begin_(first),
+      end_(first),
+      reader_([this] { readAhead(); }) {}
+
+SliceSpool::~SliceSpool() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopped_ = true;
+    changed_.notify_all();
+  }
+  reader_.join();
+}
+
+void SliceSpool::readAhead() {
+  try {
+    const std::int64_t most_rows = rowsPerRead(source_.info());
+    LargeBuffer rows(static_cast<std::size_t>(most_rows * dims_.x) * voxel_bytes_);
+    for (std::int64_t z = end_; z < dims_.z; ++z) {
+      for (std::int64_t y = 0; y < dims_.y; y += most_rows) {
+        {
+          std::unique_lock lock(mutex_);
+          changed_.wait(lock, [&] { return stopped_ || z < begin_ + slices_; });
+          if (stopped_) return;
+        }
+        if (cancel_ != nullptr) cancel_->check();
+        const std::int64_t count = std::min(most_rows, dims_.y - y);
+        source_.readRows(z * dims_.y + y, count, rows.data());
+        ring_.write({{0, y, z % slices_}, {dims_.x, count, 1}}, rows.data());
+      }
+      const std::lock_guard lock(mutex_);
+      end_ = z + 1;
+      changed_.notify_all();
+    }
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    failure_ = std::current_exception();
+    changed_.notify_all();
+  }
+}
+
+void SliceSpool::waitForSlices(std::int64_t end) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return failure_ || end_ >= end; });
+  if (end_ < end) std::rethrow_exception(failure_);
+}
+
+void SliceSpool::read(const IndexBox& box, void* out) {
+  // The call would wait for them for ever.
+  if (box.count.z > slices_) throw std::logic_error("more slices are asked for than are held");
+  waitForSlices(box.end().z);
+  auto* to = static_cast<std::byte*>(out);
+  for (std::int64_t z = box.first.z; z < box.end().z; ++z) {
+    const IndexBox slice = {{box.first.x, box.first.y, z % slices_}, {box.count.x, box.count.y, 1}};
+    ring_.read(slice, to);
+    to += static_cast<std::size_t>(slice.size()) * voxel_bytes_;
+  }
+}
+
+void SliceSpool::releaseBefore(std::int64_t slice) {
+  const std::lock_guard lock(mutex_);
+  begin_ = std::max(begin_, slice);
+  changed_.notify_all();
 }
 
 }  // namespace isobrick

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "isobrick/preprocess/divided_pyramid.h"
-#include "isobrick/preprocess/scratch_source.h"
+#include "isobrick/preprocess/scratch_volume.h"
 
 namespace isobrick {
 

@@ -47,8 +47,8 @@ AtomicFolder::AtomicFolder(const std::string& path)
   if (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     ::close(fd_);
     fd_ = -1;
-    throw unwritable(path_, "another process is writing '" + temporary_path_ +
-                                "'; wait for it or choose another name");
+    throw unwritable(path_, "another process is writing '", temporary_path_,
+                     "'; wait for it or choose another name");
   }
   visitFolder(temporary_path_, [](const FolderMember& left) {
     removeTree(left.path());

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/usable_geometry.h"
 
@@ -130,10 +131,9 @@ class PlacedSource final : public SourceView {
     place("the spacing", spacing, info_.geometry.spacing);
     place("the origin", origin, info_.geometry.origin);
     if (!isUsableGeometry(info_.geometry))
-      throw Error("cannot use '" + info_.source + "' with the spacing " +
-                      pointText(info_.geometry.spacing) + " and the origin " +
-                      pointText(info_.geometry.origin) + ": choose spacings above 0",
-                  {.path = info_.source});
+      throw fileError(info_.source, "cannot use '", info_.source, "' with the spacing ",
+                      pointText(info_.geometry.spacing), " and the origin ",
+                      pointText(info_.geometry.origin), ": choose spacings above 0");
   }
 };
 
@@ -326,11 +326,10 @@ std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> so
     // Without a sum, which might not fit into 64 bits.
     if (box.first[axis] < 0 || box.count[axis] < 2 || box.count[axis] > info.voxels[axis] ||
         box.first[axis] > info.voxels[axis] - box.count[axis])
-      throw Error("cannot cut '" + info.source + "' to a box of " + indexText(box.count) +
-                      " voxels from " + indexText(box.first) + " on: it has the voxels 0,0,0 to " +
-                      indexText(info.voxels - Index3(1)) +
-                      ", and at least two are needed along every axis; choose a box within",
-                  {.path = info.source});
+      throw fileError(info.source, "cannot cut '", info.source, "' to a box of ",
+                      indexText(box.count), " voxels from ", indexText(box.first),
+                      " on: it has the voxels 0,0,0 to ", indexText(info.voxels - Index3(1)),
+                      ", and at least two are needed along every axis; choose a box within");
   return std::make_unique<CroppedSource>(std::move(source), box);
 }
 
@@ -347,8 +346,8 @@ void ValueLoss::add(std::uint64_t changed, double most_change, const RealRange& 
 }
 
 std::string ValueLoss::text() const {
-  return std::to_string(changed_) + " values changed as float32, by at most " +
-         shortText(most_change_) + " of a range of " + shortText(range());
+  return concat(changed_, " values changed as float32, by at most ", most_change_,
+                " of a range of ", range());
 }
 
 std::unique_ptr<VolumeSource> makeRealSource(std::unique_ptr<VolumeSource> source,

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/phantoms/head_phantom.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -64,8 +65,8 @@ class PhantomSource final : public VolumeSource {
     const PhantomSpec& spec = phantom_.spec();
     char period[40];
     std::snprintf(period, sizeof period, "%.17g", spec.gyroid_period);
-    return "phantom " + spec.name + ", " + std::to_string(spec.size) + " voxels, " +
-           std::string(voxelTypeName(info_.voxel_type)) + ", period " + period;
+    return concat("phantom ", spec.name, ", ", spec.size, " voxels, ",
+                  voxelTypeName(info_.voxel_type), ", period ", period);
   }
 
   bool readsBoxes() const override { return true; }
@@ -96,11 +97,11 @@ Phantom::Kind Phantom::kindOf(const std::string& name) {
 
 Phantom::Phantom(const PhantomSpec& spec) : spec_(spec), kind_(kindOf(spec.name)) {
   if (spec.size < 2 || spec.size > kMaxVoxelsPerAxis)
-    throw Error("cannot make the phantom '" + spec.name + "' with " + std::to_string(spec.size) +
-                " voxels per axis; choose a size from 2 to " + std::to_string(kMaxVoxelsPerAxis));
+    throw Error(concat("cannot make the phantom '", spec.name, "' with ", spec.size,
+                       " voxels per axis; choose a size from 2 to ", kMaxVoxelsPerAxis));
   if (!(spec.gyroid_period > 0) || !std::isfinite(spec.gyroid_period))
-    throw Error("cannot make a gyroid with a period of " + std::to_string(spec.gyroid_period) +
-                " voxels; choose a period above 0");
+    throw Error(concat("cannot make a gyroid with a period of ", spec.gyroid_period,
+                       " voxels; choose a period above 0"));
   const double extent = static_cast<double>(spec.size - 1);
   constants_.center = glm::dvec3(extent / 2);
   constants_.sphere_radius = 0.35 * extent;

@@ -1,12 +1,14 @@
-// Bytes that come one after the other: of a file, decoded from base64, inflated. Private to
+// Bytes that come one after the other: of a file, decoded from base64, unpacked. Private to
 // preprocess/sources/.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 
 namespace isobrick {
 
@@ -35,5 +37,32 @@ std::unique_ptr<ByteStream> makeFileStream(std::shared_ptr<const InputFile> file
 // Error at any other character.
 std::unique_ptr<ByteStream> makeBase64Stream(std::shared_ptr<const InputFile> file,
                                              std::uint64_t offset);
+
+// The content of `packed`, which is in gzip or zlib form. Gzip members that follow each other are
+// one content; bytes after the last one are ignored. Holds 256 KiB of packed bytes and zlib's
+// window, and writes straight to the caller's memory.
+//
+// read() throws Error, naming `path` and the byte of content, if the data end before their own end
+// mark or are damaged. finish() checks the checksum if it is near.
+std::unique_ptr<ByteStream> makeInflateStream(const std::string& path,
+                                              std::unique_ptr<ByteStream> packed);
+
+// The same of one bzip2 stream. Holds at most 4 MiB.
+std::unique_ptr<ByteStream> makeBunzipStream(const std::string& path,
+                                             std::unique_ptr<ByteStream> packed);
+
+// The blocks of a VTK file: zlib streams one behind the other that inflate to `block_bytes` each,
+// the last one to the rest of `total_bytes`. A block of another size is damage.
+std::unique_ptr<ByteStream> makeInflateBlocksStream(const std::string& path,
+                                                    std::unique_ptr<ByteStream> packed,
+                                                    std::uint64_t block_bytes,
+                                                    std::uint64_t total_bytes);
+
+// The bytes, in the order of the machine, of `count` numbers that stand in the file from `offset`
+// on with blanks or commas between them; fewer if a '<' or the end of the file comes before. Holds
+// 160 KiB. Throws Error, naming the byte, at a word that is no number of the type.
+std::unique_ptr<ByteStream> makeTextNumbers(std::shared_ptr<const InputFile> file,
+                                            std::uint64_t offset, StoredType type,
+                                            std::uint64_t count);
 
 }  // namespace isobrick

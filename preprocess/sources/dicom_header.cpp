@@ -10,8 +10,9 @@
 #include <sstream>
 #include <string_view>
 
-#include "isobrick/preprocess/byte_order.h"
-#include "isobrick/preprocess/sources/dicom_tags.h"
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 
@@ -82,8 +83,7 @@ struct Element {
 class Walker {
  public:
   explicit Walker(const std::string& path) : in_(path, std::ios::binary) {
-    if (!in_)
-      throw Error("cannot open '" + path + "'; check the path and its permissions", {.path = path});
+    if (!in_) throw fileError(path, "cannot open '", path, "'; check the path and its permissions");
     size_ = fileBytes(path);
   }
 

@@ -10,7 +10,7 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_tags.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -65,14 +65,13 @@ void chooseStack(const std::string& path, const std::string& name, std::vector<D
       list += ", ...";
       break;
     }
-    list += (list.empty() ? "" : ", ") + quotedText(stack, 40) + " (" + std::to_string(count) +
-            " slices)";
+    list += concat(list.empty() ? "" : ", ", quotedText(stack, 40), " (", count, " slices)");
   }
   if (!name.empty())
-    throw unusable(path, "it has no stack of the name " + quotedText(name, 40) + "; it has " + list,
-                   {Remedy::kChooseStack});
-  throw unusable(path, "it holds " + std::to_string(counts.size()) + " stacks of slices: " + list,
-                 {Remedy::kChooseStack});
+    throw unusable(path, "it has no stack of the name ", quotedText(name, 40), "; it has ", list,
+                   Remedy::kChooseStack);
+  throw unusable(path, "it holds ", counts.size(), " stacks of slices: ", list,
+                 Remedy::kChooseStack);
 }
 
 // `member` of the places takes several values, each of which is a volume.
@@ -85,19 +84,14 @@ void chooseOneOf(const std::string& path, const char* what, Remedy remedy,
     for (const DicomPlace& place : places) ++counts[place.*member];
   const std::size_t count = std::max<std::size_t>(counts.size(), 1);
   if (choice && static_cast<std::uint64_t>(*choice) >= count)
-    throw unusable(path,
-                   std::string("it has no ") + what + " " + std::to_string(*choice) + "; it has " +
-                       std::to_string(count) + ", counted from 0",
-                   {remedy});
+    throw unusable(path, "it has no ", what, " ", *choice, "; it has ", count, ", counted from 0",
+                   remedy);
   if (count == 1) return;
   if (!choice)
-    throw unusable(path,
-                   "it holds " + std::to_string(count) + " volumes, of " + what + " 0 to " +
-                       std::to_string(count - 1),
-                   {remedy});
+    throw unusable(path, "it holds ", count, " volumes, of ", what, " 0 to ", count - 1, remedy);
   const std::vector<std::int64_t> key = std::next(counts.begin(), *choice)->first;
   std::erase_if(places, [&](const DicomPlace& place) { return place.*member != key; });
-  takeNoteOfChoice(std::string(what) + " " + std::to_string(*choice), info);
+  takeNoteOfChoice(concat(what, " ", *choice), info);
 }
 
 // The slice that is furthest from where even steps from the first have it, along an axis of the
@@ -165,7 +159,7 @@ bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& plac
   const glm::dvec3 step = (*places.back().position - origin) / count;
   const double gap = glm::dot(step, normal);
   const auto refuse = [&](std::size_t i, const std::string& why) {
-    throw unusable(words.path, places[i - 1].name + " and " + places[i].name + " are " + why);
+    throw unusable(words.path, places[i - 1].name, " and ", places[i].name, " are ", why);
   };
   for (std::size_t i = 1; i < places.size(); ++i)
     if (!(height(places[i]) - height(places[i - 1]) > kSamePosition * gap) || !std::isfinite(gap))
@@ -184,10 +178,10 @@ bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& plac
   const double shift = glm::length(step - gap * normal);
   if (const SliceOffset tilted = greatestOffset(places, geometry, step);
       tilted.voxels <= kMostOffGrid || tilted.is_rounding)
-    throw unusable(words.path, "each slice is shifted by " + shortText(shift) +
-                                   " mm against the one before (a tilted gantry, " +
-                                   shortText(std::atan2(shift, gap) * 180 / std::numbers::pi) +
-                                   " degrees); resample it to a rectangular grid first");
+    throw unusable(words.path, "each slice is shifted by ", shift,
+                   " mm against the one before (a tilted gantry, ",
+                   std::atan2(shift, gap) * 180 / std::numbers::pi,
+                   " degrees); resample it to a rectangular grid first");
   const auto uneven = [&](std::size_t i) {
     return std::abs(height(places[i]) - height(places[i - 1]) - gap);
   };
@@ -195,12 +189,10 @@ bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& plac
   for (std::size_t i = 2; i < places.size(); ++i)
     if (uneven(i) > uneven(at)) at = i;
   if (off.axis == 2)
-    refuse(at, std::to_string(height(places[at]) - height(places[at - 1])) +
-                   " mm apart and others " + std::to_string(gap) + " mm on average; " + words.gap);
-  throw unusable(words.path, places[off.index].name + " is " + shortText(off.millimetres) +
-                                 " mm (" + shortText(off.voxels) +
-                                 " voxels) beside the line of the others; take it away, or "
-                                 "resample the slices");
+    refuse(at, concat(height(places[at]) - height(places[at - 1]), " mm apart and others ", gap,
+                      " mm on average; ", words.gap));
+  throw unusable(words.path, places[off.index].name, " is ", off.millimetres, " mm (", off.voxels,
+                 " voxels) beside the line of the others; take it away, or resample the slices");
 }
 
 void takeDicomPosition(const std::string& text, DicomPlace& place) {
@@ -289,7 +281,7 @@ std::vector<DicomPlace> placesOf(const DicomHeader& header, std::size_t frames,
   for (std::size_t frame = 0; frame < frames; ++frame) {
     DicomPlace place;
     place.index = frame;
-    place.name = "frame " + std::to_string(frame + 1);
+    place.name = concat("frame ", frame + 1);
     if (header.hasGroups()) takeDicomPosition(header.value(dicom::kImagePosition, frame), place);
     place.number = integer(header.value(dicom::kInStackPosition, frame),
                            static_cast<std::int64_t>(header.hasGroups() ? 0 : frame));
@@ -311,9 +303,8 @@ void requireShared(const std::string& path, const std::vector<DicomPlace>& place
   const std::size_t first = places.front().index;
   for (const DicomPlace& place : places)
     if (!areSameForPixels(numbersOf(first), numbersOf(place.index), pixels, unit))
-      throw unusable(path, "frame " + std::to_string(place.index + 1) + " has another " + what +
-                               " than frame " + std::to_string(first + 1) +
-                               "; take its frames apart into volumes of one " + what);
+      throw unusable(path, "frame ", place.index + 1, " has another ", what, " than frame ",
+                     first + 1, "; take its frames apart into volumes of one ", what);
 }
 
 struct ImagePlane {
@@ -331,12 +322,11 @@ ImagePlane planeOf(const std::string& orientation) {
 std::size_t countFrames(const std::string& path, const DicomHeader& header) {
   const auto count = static_cast<std::size_t>(integer(header.value(dicom::kNumberOfFrames), 1));
   if (count > kMaxVoxelsPerAxis)
-    throw unusable(path, "it has " + std::to_string(count) +
-                             " frames, and isobrick takes at most " +
-                             std::to_string(kMaxVoxelsPerAxis));
+    throw unusable(path, "it has ", count, " frames, and isobrick takes at most ",
+                   kMaxVoxelsPerAxis);
   if (!header.frames.empty() && header.frames.size() != count)
-    throw unusable(path, "it says of " + std::to_string(header.frames.size()) +
-                             " frames where they are, and has " + std::to_string(count));
+    throw unusable(path, "it says of ", header.frames.size(), " frames where they are, and has ",
+                   count);
   return count;
 }
 
@@ -405,7 +395,7 @@ std::string faultOfPixels(const DicomHeader& header) {
     return "its frames are the tiles of one large picture, and no slices";
   const std::int64_t bits = integer(header.value(dicom::kBitsAllocated), 16);
   if (bits != 8 && bits != 16 && bits != 32)
-    return "its pixels have " + std::to_string(bits) + " bits; convert them to 8, 16 or 32 first";
+    return concat("its pixels have ", bits, " bits; convert them to 8, 16 or 32 first");
   return "";
 }
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <sstream>
 
-#include "isobrick/preprocess/sources/dicom_tags.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
 
 namespace isobrick {
 namespace {

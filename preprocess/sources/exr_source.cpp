@@ -109,8 +109,8 @@ class ExrFile {
 
  private:
   Error damaged(const std::string& why) const {
-    return unreadable(path_,
-                      why + "; get the whole file again, or move it elsewhere if it is no slice");
+    return unreadable(path_, why,
+                      "; get the whole file again, or move it elsewhere if it is no slice");
   }
   template <typename Work>
   void guarded(Work&& work) const {
@@ -165,8 +165,8 @@ class ExrSlices final : public VolumeSource {
     std::string list;
     for (const std::string& name : all) list += (list.empty() ? "" : ", ") + quotedText(name, 40);
     if (!channel)
-      throw unusable(files_.front(), "it has no channel " + quotedText(options.grid, 40) +
-                                         "; it has " + (all.empty() ? "none" : list));
+      throw unusable(files_.front(), "it has no channel ", quotedText(options.grid, 40),
+                     "; it has ", all.empty() ? "none" : list);
     channel_ = *channel;
     if (all.size() > 1 && options.grid.empty())
       info_.notes.push_back("of the channels " + list + ", " + quotedText(channel_.name, 40) +
@@ -216,8 +216,8 @@ class ExrSlices final : public VolumeSource {
     Index3 pixels = channel ? file.pixels(channel->part) : Index3(0);
     pixels.z = info_.voxels.z;
     if (!channel || channel->type != channel_.type || pixels != info_.voxels)
-      throw unusable(path, "its channel or its size is not that of '" + files_.front() +
-                               "'; keep only the slices of one volume in the folder");
+      throw unusable(path, "its channel or its size is not that of '", files_.front(),
+                     "'; keep only the slices of one volume in the folder");
     pixels_.resize(static_cast<std::size_t>(pixels.x * pixels.y));
     file.read(*channel, pixels, pixels_.data());
     slice_ = z;

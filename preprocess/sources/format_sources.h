@@ -67,6 +67,22 @@ std::unique_ptr<VolumeSource> openZarrSource(const std::string& path,
 std::unique_ptr<VolumeSource> openItkSource(const std::string& path,
                                             const OpenOptions& options = {});
 
+// The note on a stack of slices that have no distance.
+inline constexpr char kNoSliceDistance[] =
+    "image slices have no distance; that of pixels along x was used";
+
+// A file of several pages, of whose images, channels and times the options choose; null if it does
+// not begin as a TIFF. Pictures that are packed or in tiles are unpacked as a whole and read in
+// order, others box by box. The file may be hostile. Opening reads tags and no pixels, and throws
+// Error that names the file and says what is not supported; reading throws Error that names the
+// slice, too.
+std::unique_ptr<VolumeSource> openTiffFile(const std::string& path, const OpenOptions& options);
+
+// The files of a folder, of which `info` has source and notes: one slice each, or the files of one
+// OME-TIFF.
+std::unique_ptr<VolumeSource> openTiffStack(VolumeInfo info, const std::vector<std::string>& files,
+                                            const OpenOptions& options);
+
 // Whether most pictures of the folder are files that end in .exr.
 bool hasExrSlices(const std::string& folder);
 
@@ -101,7 +117,7 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path,
 // else the last three, slowest first; one or two others take an index of options.time and
 // options.channel (hdf5_axes.h). Integers and floats of either byte order, in one piece or in
 // chunks packed with filters that the library, its plugins or isobrick have; the others are named
-// (hdf5_filters.h). hdf5_placement.h has what counts as their place; otherwise the spacing is 1.
+// (hdf5_needs.cpp). hdf5_axes.h has what counts as their place; otherwise the spacing is 1.
 //
 // Boxes are read, by one thread at a time: the library is not made for more. It keeps chunks of up
 // to options.memory_bytes. The file may be hostile: the library's results are checked before

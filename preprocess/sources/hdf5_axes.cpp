@@ -1,10 +1,16 @@
 #include "isobrick/preprocess/sources/hdf5_axes.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
 
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -70,17 +76,15 @@ class AxisFinder {
 
  private:
   bool takeVigraTags(const std::string& text) {
-    const auto json = nlohmann::json::parse(text, nullptr, false);
-    if (!json.is_object() || !json.contains("axes") || !json["axes"].is_array() ||
-        json["axes"].size() != dims_.size())
-      return false;
+    const nlohmann::json json = parseShallowJson(text);
+    const nlohmann::json& axes = member(json, "axes");
+    if (!axes.is_array() || axes.size() != dims_.size()) return false;
     for (std::size_t i = 0; i < dims_.size(); ++i) {
-      const auto& axis = json["axes"][i];
-      if (!axis.is_object() || !axis.contains("key") || !axis["key"].is_string()) return false;
-      names_[i] = axis["key"].get<std::string>();
+      if (!member(axes[i], "key").is_string()) return false;
+      names_[i] = textOf(member(axes[i], "key"));
       roles_[i] = roleOf(names_[i]);
-      const bool has_number = axis.contains("resolution") && axis["resolution"].is_number();
-      axes_.resolutions.push_back(has_number ? axis["resolution"].get<double>() : 0);
+      const nlohmann::json& resolution = member(axes[i], "resolution");
+      axes_.resolutions.push_back(resolution.is_number() ? resolution.get<double>() : 0);
     }
     return true;
   }
@@ -105,7 +109,7 @@ class AxisFinder {
     for (std::size_t i = dims_.size(); i-- > 0;)
       if (roles_[i] != Role::kTime && roles_[i] != Role::kChannel) candidates.push_back(i);
     if (candidates.size() < 3)
-      throw refused("its axes are " + axesText() + ", and a volume has three of space");
+      throw refused("its axes are ", axesText(), ", and a volume has three of space");
     std::stable_partition(candidates.begin(), candidates.end(),
                           [&](std::size_t i) { return dims_[i] != 1; });
     candidates.resize(3);
@@ -118,7 +122,7 @@ class AxisFinder {
     for (std::size_t i = 0; i < dims_.size(); ++i)
       if (!isOfSpace(i) && dims_[i] != 1) further.push_back(i);
     if (further.size() > 2)
-      throw refused("it has the axes " + axesText() +
+      throw refused("it has the axes ", axesText(),
                     ", and beside three of space two are read; write a part of it to a file");
     if (further.size() == 2) {
       const bool are_turned =
@@ -139,12 +143,10 @@ class AxisFinder {
   }
 
   void fix(std::size_t axis, const char* kind, std::optional<std::int64_t>& wanted, Remedy remedy) {
-    const std::string kinds = std::string("'") + name_ + "' has the " + kind + "s 0 to " +
-                              std::to_string(dims_[axis] - 1);
+    const std::string kinds = concat("'", name_, "' has the ", kind, "s 0 to ", dims_[axis] - 1);
     if (!wanted) throw Error(kinds + "; one is a volume", place(), {remedy});
     if (*wanted < 0 || static_cast<hsize_t>(*wanted) >= dims_[axis])
-      throw Error(kinds + ", and not " + std::to_string(*wanted) + "; choose one of these",
-                  place());
+      throw Error(concat(kinds, ", and not ", *wanted, "; choose one of these"), place());
     axes_.fixed[axis] = static_cast<hsize_t>(*wanted);
     axes_.encoding +=
         (axes_.encoding.empty() ? "" : ", ") + std::string(kind) + " " + std::to_string(*wanted);
@@ -157,9 +159,9 @@ class AxisFinder {
     bool has_one = false;
     for (std::size_t i = 0; i < dims_.size(); ++i)
       has_one |= !isOfSpace(i) && (roles_[i] == role || roles_[i] == Role::kUnknown);
-    throw refused(std::string("it has ") + (has_one ? "one " : "no ") + kind +
-                  (has_one ? ", number 0" : " to choose: its axes are " + axesText()) +
-                  "; leave the choice of " + kind + " " + std::to_string(*wanted) + " out");
+    throw refused("it has ", has_one ? "one " : "no ", kind,
+                  has_one ? ", number 0" : " to choose: its axes are " + axesText(),
+                  "; leave the choice of ", kind, " ", *wanted, " out");
   }
 
   // "z 10, y 20, x 24", or without names "10 x 20 x 24".
@@ -168,16 +170,17 @@ class AxisFinder {
                                         [](const std::string& name) { return !name.empty(); });
     std::string text;
     for (std::size_t i = 0; i < dims_.size(); ++i)
-      text += (i == 0       ? ""
-               : have_names ? ", "
-                            : " x ") +
-              (have_names ? quotedText(names_[i], 20) + " " : "") + std::to_string(dims_[i]);
+      text += concat(i == 0       ? ""
+                     : have_names ? ", "
+                                  : " x ",
+                     have_names ? quotedText(names_[i], 20) + " " : "", dims_[i]);
     return text;
   }
 
   ErrorPlace place() const { return {.path = splitHdf5Name(name_).first}; }
-  Error refused(const std::string& why) const {
-    return Error("cannot use '" + name_ + "': " + why, place());
+  template <typename... Parts>
+  Error refused(const Parts&... why) const {
+    return fileError(place().path, "cannot use '", name_, "': ", why...);
   }
 
   const std::string& name_;
@@ -196,6 +199,106 @@ Hdf5Axes findHdf5Axes(hid_t dataset, const std::string& name, const std::vector<
   AxisFinder finder(name, dims, choice, options);
   if (!choice.is_zyx) finder.nameAxes(dataset, scales);
   return finder.find();
+}
+
+namespace {
+
+bool takeOwnAttributes(hid_t dataset, GridGeometry& geometry) {
+  const auto spacing = Hdf5Attribute(dataset, "spacing").numbers(3);
+  const auto origin = Hdf5Attribute(dataset, "origin").numbers(3);
+  const auto direction = Hdf5Attribute(dataset, "direction").numbers(9);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int a = static_cast<int>(axis);
+    if (!spacing.empty()) geometry.spacing[a] = spacing[axis];
+    if (!origin.empty()) geometry.origin[a] = origin[axis];
+    for (std::size_t row = 0; row < 3 && !direction.empty(); ++row)
+      geometry.direction[a][static_cast<int>(row)] = direction[3 * axis + row];
+  }
+  if (!spacing.empty() &&
+      Hdf5Attribute(dataset, "length_unit").text() == lengthUnitName(LengthUnit::kMillimetre))
+    geometry.unit = LengthUnit::kMillimetre;
+  return !spacing.empty();
+}
+
+// A number for every axis of the dataset, or for those of space, slowest first, or for the five
+// that ilastik has: time, z, y, x, channel.
+std::optional<glm::dvec3> elementSize(hid_t dataset, const Hdf5Axes& axes) {
+  const auto sizes = Hdf5Attribute(dataset, "element_size_um").numbers();
+  const bool has_all = sizes.size() == axes.fixed.size();
+  if (!has_all && sizes.size() != 3 && sizes.size() != 5) return std::nullopt;
+  std::array<std::size_t, 3> order = axes.of_space;
+  std::sort(order.begin(), order.end());
+  glm::dvec3 size;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::size_t among =
+        static_cast<std::size_t>(std::find(order.begin(), order.end(), axes.of_space[axis]) -
+                                 order.begin()) +
+        (sizes.size() == 5 ? 1 : 0);
+    size[static_cast<int>(axis)] = sizes[has_all ? axes.of_space[axis] : among];
+  }
+  return size;
+}
+
+// Scales with a number for every element, in even steps.
+bool takeScales(const Hdf5Axes& axes, const std::vector<Hdf5Scale>& scales, VolumeInfo& info) {
+  if (scales.empty()) return false;
+  GridGeometry geometry = info.geometry;
+  std::array<std::string, 3> units;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const Hdf5Scale& scale = scales[axes.of_space[axis]];
+    const int a = static_cast<int>(axis);
+    if (static_cast<std::int64_t>(scale.values.size()) != info.voxels[a]) return false;
+    const double first = scale.values.front();
+    const double step =
+        (scale.values.back() - first) / static_cast<double>(scale.values.size() - 1);
+    double furthest = 0;
+    for (std::size_t i = 0; i < scale.values.size(); ++i)
+      furthest =
+          std::max(furthest, std::abs(scale.values[i] - (first + step * static_cast<double>(i))));
+    constexpr double kMostVoxels = 0.01;
+    if (!(furthest <= kMostVoxels * std::abs(step)))
+      throw fileError(splitHdf5Name(info.source).first, "cannot use '", info.source,
+                      "': the steps of its axis ", quotedText(scale.name, 40),
+                      " are uneven, up to ", furthest / std::abs(step),
+                      " voxels off; give it a spacing, or resample it to even steps");
+    geometry.spacing[a] = step;
+    geometry.origin[a] = first;
+    units[axis] = scale.units;
+  }
+  info.geometry = geometry;
+  takeLengthUnits(units, info.geometry, info.notes);
+  return true;
+}
+
+bool takeResolutions(const Hdf5Axes& axes, GridGeometry& geometry) {
+  if (axes.resolutions.empty()) return false;
+  glm::dvec3 steps;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    steps[static_cast<int>(axis)] = axes.resolutions[axes.of_space[axis]];
+  if (!(steps.x > 0 && steps.y > 0 && steps.z > 0)) return false;
+  geometry.spacing = steps;
+  return true;
+}
+
+}  // namespace
+
+void placeHdf5(hid_t dataset, const Hdf5Choice& choice, const Hdf5Axes& axes,
+               const std::vector<Hdf5Scale>& scales, bool is_spacing_given, VolumeInfo& info) {
+  const auto takeMicrometres = [&] {
+    const auto size = elementSize(dataset, axes);
+    if (size) info.geometry.spacing = *size;
+    if (size) takeLengthUnits({"um", "um", "um"}, info.geometry, info.notes);
+    return size.has_value();
+  };
+  if (takeOwnAttributes(dataset, info.geometry)) {
+  } else if (choice.geometry) {
+    info.geometry = *choice.geometry;
+    takeLengthUnits({choice.unit, choice.unit, choice.unit}, info.geometry, info.notes);
+  } else if (!takeMicrometres() && !is_spacing_given && !takeScales(axes, scales, info) &&
+             !takeResolutions(axes, info.geometry)) {
+    info.notes.push_back("the dataset says no spacing; 1 was used");
+  }
+  tidyGeometry(splitHdf5Name(info.source).first, info.geometry, info.voxels, info.notes);
 }
 
 }  // namespace isobrick

@@ -1,5 +1,5 @@
-// Which axes of an HDF5 dataset are x, y and z, and the index along all others. Private to
-// preprocess/sources/.
+// Which axes of an HDF5 dataset are x, y and z, the index along all others, and where the voxels
+// lie. Private to preprocess/sources/.
 #pragma once
 
 #include <array>
@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/sources/hdf5_choice.h"
 #include "isobrick/preprocess/sources/hdf5_objects.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick {
 
@@ -29,5 +30,12 @@ struct Hdf5Axes {
 Hdf5Axes findHdf5Axes(hid_t dataset, const std::string& name, const std::vector<hsize_t>& dims,
                       const std::vector<Hdf5Scale>& scales, const Hdf5Choice& choice,
                       const OpenOptions& options);
+
+// Sets the geometry of `info` by the first of these that the file has, and notes which units were
+// converted: isobrick's own attributes, what BigDataViewer or Imaris say, "element_size_um", scales
+// of the axes, the resolutions of Vigra. Throws Error if scales are uneven, unless the user gave a
+// spacing. A caller holds an Hdf5Call.
+void placeHdf5(hid_t dataset, const Hdf5Choice& choice, const Hdf5Axes& axes,
+               const std::vector<Hdf5Scale>& scales, bool is_spacing_given, VolumeInfo& info);
 
 }  // namespace isobrick

@@ -1,16 +1,232 @@
 #include "isobrick/preprocess/sources/hdf5_choice.h"
 
+#include <expat.h>
+
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <filesystem>
+#include <glm/geometric.hpp>
+#include <glm/mat4x4.hpp>
 #include <map>
+#include <memory>
+#include <new>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/hdf5_objects.h"
+#include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/name_of_hdf5.h"
 
 namespace isobrick {
+namespace {
+
+struct XmlElement {
+  std::string name;
+  std::map<std::string, std::string> attributes;
+  std::string text;  // between its own tags, without blanks around it
+  std::vector<XmlElement> children;
+
+  // The first child of that name, and so on; null if there is none.
+  const XmlElement* find(std::initializer_list<std::string_view> path) const;
+  // The text of find(); "" if there is none.
+  std::string textOf(std::initializer_list<std::string_view> path) const;
+  // "" if there is none.
+  std::string attribute(const std::string& name) const;
+};
+
+constexpr std::uint64_t kMostXmlBytes = std::uint64_t{64} << 20;
+constexpr std::size_t kMostXmlDepth = 64;
+
+std::string withoutBlanks(const std::string& text) {
+  constexpr const char* kBlanks = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(kBlanks);
+  if (first == std::string::npos) return {};
+  return text.substr(first, text.find_last_not_of(kBlanks) + 1 - first);
+}
+
+// Open elements, the innermost last: an element joins the one around it at its end.
+struct XmlBuilder {
+  XML_Parser parser;
+  std::vector<XmlElement> open = std::vector<XmlElement>(1);
+
+  static void onStart(void* self, const XML_Char* name, const XML_Char** pairs) {
+    auto& builder = *static_cast<XmlBuilder*>(self);
+    if (builder.open.size() > kMostXmlDepth) {
+      XML_StopParser(builder.parser, XML_FALSE);
+      return;
+    }
+    XmlElement& element = builder.open.emplace_back();
+    element.name = name;
+    for (; *pairs != nullptr; pairs += 2) element.attributes[pairs[0]] = pairs[1];
+  }
+  static void onEnd(void* self, const XML_Char*) {
+    auto& open = static_cast<XmlBuilder*>(self)->open;
+    XmlElement element = std::move(open.back());
+    open.pop_back();
+    element.text = withoutBlanks(element.text);
+    open.back().children.push_back(std::move(element));
+  }
+  static void onText(void* self, const XML_Char* text, int length) {
+    static_cast<XmlBuilder*>(self)->open.back().text.append(text, static_cast<std::size_t>(length));
+  }
+  static void onDoctype(void* self, const XML_Char*, const XML_Char*, const XML_Char*, int) {
+    XML_StopParser(static_cast<XmlBuilder*>(self)->parser, XML_FALSE);
+  }
+};
+
+struct FreeParser {
+  void operator()(XML_Parser parser) const { XML_ParserFree(parser); }
+};
+
+const XmlElement* XmlElement::find(std::initializer_list<std::string_view> path) const {
+  const XmlElement* at = this;
+  for (const std::string_view step : path) {
+    const XmlElement* next = nullptr;
+    for (const XmlElement& child : at->children)
+      if (child.name == step && next == nullptr) next = &child;
+    if (next == nullptr) return nullptr;
+    at = next;
+  }
+  return at;
+}
+
+std::string XmlElement::textOf(std::initializer_list<std::string_view> path) const {
+  const XmlElement* const found = find(path);
+  return found == nullptr ? "" : found->text;
+}
+
+std::string XmlElement::attribute(const std::string& key) const {
+  const auto found = attributes.find(key);
+  return found == attributes.end() ? "" : found->second;
+}
+
+// The root of the file. Throws Error, naming the byte, if it is not well-formed XML, has a
+// declaration of types, or more than 64 MiB.
+XmlElement readXml(const std::string& path) {
+  const InputFile file(path);
+  if (file.size() > kMostXmlBytes)
+    throw unusable(path, "its XML has more than 64 MiB; take a part of it");
+  std::string bytes(static_cast<std::size_t>(file.size()), '\0');
+  bytes.resize(file.readAt(0, bytes.data(), bytes.size()));
+  const std::unique_ptr<XML_ParserStruct, FreeParser> parser(XML_ParserCreate(nullptr));
+  if (!parser) throw std::bad_alloc();
+  XmlBuilder builder{parser.get()};
+  XML_SetUserData(parser.get(), &builder);
+  XML_SetElementHandler(parser.get(), XmlBuilder::onStart, XmlBuilder::onEnd);
+  XML_SetCharacterDataHandler(parser.get(), XmlBuilder::onText);
+  XML_SetStartDoctypeDeclHandler(parser.get(), XmlBuilder::onDoctype);
+  if (XML_Parse(parser.get(), bytes.data(), static_cast<int>(bytes.size()), 1) != XML_STATUS_OK)
+    throw unreadable(
+        path, "its XML is not well-formed at line ", XML_GetCurrentLineNumber(parser.get()), " (",
+        XML_ErrorString(XML_GetErrorCode(parser.get())), "); correct it, or get it again");
+  return std::move(builder.open.front().children.front());
+}
+
+std::vector<double> doublesOf(const std::string& text) {
+  return numbersOf(text).value_or(std::vector<double>());
+}
+
+std::int64_t integerOf(const std::string& text) { return numberIn<std::int64_t>(text).value_or(0); }
+
+std::string hdf5PathOf(const std::string& path, const XmlElement& root) {
+  const XmlElement* const loader = root.find({"SequenceDescription", "ImageLoader"});
+  const XmlElement* const file = loader == nullptr ? nullptr : loader->find({"hdf5"});
+  if (file == nullptr)
+    throw unusable(path, "its images lie in ",
+                   quotedText(loader == nullptr ? "nothing" : loader->attribute("format"), 40),
+                   ", and only 'bdv.hdf5' is read; name the images themselves, or save it as "
+                   "XML/HDF5 with Fiji");
+  const std::filesystem::path said(file->text);
+  if (file->attribute("type") != "relative") return file->text;
+  return (std::filesystem::path(path).parent_path() / root.textOf({"BasePath"}) / said)
+      .lexically_normal()
+      .string();
+}
+
+// Transforms of a view: the last one is applied first.
+glm::dmat4 placeOf(const std::string& path, const XmlElement& registration) {
+  glm::dmat4 place(1.0);
+  for (const XmlElement& transform : registration.children) {
+    if (transform.name != "ViewTransform") continue;
+    const std::vector<double> rows = doublesOf(transform.textOf({"affine"}));
+    if (rows.size() != 12)
+      throw unusable(path, "a transform of its views is not twelve numbers; correct it");
+    glm::dmat4 step(1.0);
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 4; ++column)
+        step[column][row] = rows[static_cast<std::size_t>(4 * row + column)];
+    place = place * step;
+  }
+  return place;
+}
+
+}  // namespace
+
+BdvDataset readBdvXml(const std::string& path) {
+  const XmlElement root = readXml(path);
+  if (root.name != "SpimData")
+    throw unusable(path, "it is XML of ", quotedText(root.name, 40),
+                   ", and only BigDataViewer's (SpimData) is read; name the volume itself");
+  BdvDataset dataset;
+  dataset.xml_path = path;
+  dataset.hdf5_path = hdf5PathOf(path, root);
+  if (const auto* const setups = root.find({"SequenceDescription", "ViewSetups"}))
+    for (const XmlElement& setup : setups->children) {
+      const std::vector<double> size = doublesOf(setup.textOf({"voxelSize", "size"}));
+      if (setup.name != "ViewSetup" || size.size() != 3) continue;
+      const std::int64_t id = integerOf(setup.textOf({"id"}));
+      dataset.voxel_sizes[id] = {size[0], size[1], size[2]};
+      dataset.units[id] = setup.textOf({"voxelSize", "unit"});
+    }
+  if (const auto* const registrations = root.find({"ViewRegistrations"}))
+    for (const XmlElement& view : registrations->children)
+      if (view.name == "ViewRegistration")
+        dataset
+            .places[{integerOf(view.attribute("setup")), integerOf(view.attribute("timepoint"))}] =
+            placeOf(path, view);
+  return dataset;
+}
+
+GridGeometry BdvDataset::geometryOf(std::int64_t setup, std::int64_t time) const {
+  GridGeometry geometry;
+  const auto size = voxel_sizes.find(setup);
+  if (size != voxel_sizes.end()) geometry.spacing = size->second;
+  const auto place = places.find({setup, time});
+  if (place == places.end()) return geometry;
+  glm::dvec3 steps;
+  for (int axis = 0; axis < 3; ++axis) {
+    const glm::dvec3 column(place->second[axis]);
+    steps[axis] = glm::length(column);
+    if (!(steps[axis] > 0))
+      throw unusable(xml_path, "the place of its view ", setup,
+                     " makes an axis vanish; correct it");
+    geometry.direction[axis] = column / steps[axis];
+  }
+  geometry.origin = glm::dvec3(place->second[3]);
+  if (size == voxel_sizes.end()) {
+    geometry.spacing = steps;
+    return geometry;
+  }
+  // BigStitcher counts in voxels of the least size: all lengths by one factor.
+  const glm::dvec3 factors = geometry.spacing / steps;
+  constexpr double kMostRelative = 1e-3;
+  for (int axis = 1; axis < 3; ++axis)
+    if (std::abs(factors[axis] / factors[0] - 1) > kMostRelative)
+      throw unusable(xml_path, "its voxels have the size ", pointText(geometry.spacing),
+                     " and its view ", setup, " places them ", pointText(steps),
+                     " apart, in other proportions; correct one of them");
+  geometry.origin *= factors[0];
+  return geometry;
+}
+
 namespace {
 
 // The links of a group that are this word and a number, by their numbers.
@@ -42,12 +258,11 @@ NumberedLinks::value_type pick(const std::string& name, const char* kind,
   std::size_t listed = 0;
   for (const auto& [number, link] : links) {
     if (listed++ == kMostListed) break;
-    list += (list.empty() ? "" : ", ") + std::to_string(number);
+    list += concat(list.empty() ? "" : ", ", number);
   }
   if (links.size() > kMostListed) list += ", ...";
-  throw Error("'" + name + "' has the " + kind + "s " + list +
-                  (wanted ? ", and not " + std::to_string(*wanted) : "; one is a volume"),
-              {.path = splitHdf5Name(name).first}, {remedy});
+  throw fileError(splitHdf5Name(name).first, "'", name, "' has the ", kind, "s ", list,
+                  wanted ? ", and not " + std::to_string(*wanted) : "; one is a volume", remedy);
 }
 
 // Parts of a path between slashes.
@@ -69,7 +284,7 @@ std::optional<std::int64_t> numberBehind(const std::string& text, const std::str
 void noteChoice(Hdf5Choice& choice, const OpenOptions& options) {
   choice.took_time = options.time.has_value();
   choice.took_channel = options.channel.has_value();
-  if (options.time) choice.encoding = "time " + std::to_string(*options.time);
+  if (options.time) choice.encoding = concat("time ", *options.time);
   if (options.channel)
     choice.encoding +=
         (choice.encoding.empty() ? "" : ", ") + ("channel " + std::to_string(*options.channel));
@@ -175,9 +390,8 @@ void placeImaris(hid_t file, const std::string& name, Hdf5Choice& choice) {
   if (!size) return;
   for (int axis = 0; axis < 3; ++axis)
     if (!((*size)[axis] >= 1 && (*size)[axis] <= static_cast<double>(kMaxVoxelsPerAxis)))
-      throw Error("cannot use '" + name + "': its size " + pointText(*size) +
-                      " is none; correct the attributes of the channel",
-                  {.path = splitHdf5Name(name).first});
+      throw fileError(splitHdf5Name(name).first, "cannot use '", name, "': its size ",
+                      pointText(*size), " is none; correct the attributes of the channel");
   choice.voxels = Index3(*size);
   const auto low = threeNumbers(image.id(), {"ExtMin0", "ExtMin1", "ExtMin2"});
   const auto high = threeNumbers(image.id(), {"ExtMax0", "ExtMax1", "ExtMax2"});
@@ -222,17 +436,16 @@ std::string namesText(const std::vector<std::string>& names) {
 Hdf5Choice chooseHdf5Dataset(hid_t file, const std::string& name, const std::string& named,
                              const BdvDataset* xml, const OpenOptions& options) {
   if (!named.empty() && !Hdf5Handle(H5Dopen2(file, named.c_str(), H5P_DEFAULT), H5Dclose).isValid())
-    throw Error("'" + splitHdf5Name(name).first + "' has no dataset " + quotedText(named, 100) +
-                    " that can be opened; it has " + namesText(datasetNames(file)),
-                {.path = splitHdf5Name(name).first});
+    throw fileError(splitHdf5Name(name).first, "'", splitHdf5Name(name).first, "' has no dataset ",
+                    quotedText(named, 100), " that can be opened; it has ",
+                    namesText(datasetNames(file)));
   if (isBdv(file)) return chooseOfBdv(file, name, named, xml, options);
   if (isImaris(file)) return chooseOfImaris(file, name, named, options);
   if (!named.empty()) return {.dataset = named};
   const std::vector<std::string> names = datasetNames(file);
   if (names.size() != 1)
-    throw Error("which dataset of '" + name + "' is unclear: it has " + namesText(names) +
-                    "; name one, as in " + name + ":/path",
-                {.path = splitHdf5Name(name).first});
+    throw fileError(splitHdf5Name(name).first, "which dataset of '", name, "' is unclear: it has ",
+                    namesText(names), "; name one, as in ", name, ":/path");
   return {.dataset = names.front()};
 }
 

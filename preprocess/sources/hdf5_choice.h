@@ -1,17 +1,35 @@
 // Which dataset of an HDF5 file is the volume, and what its program says of it elsewhere in the
-// file. Private to preprocess/sources/.
+// file or in the XML beside it. Private to preprocess/sources/.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/hdf5_handle.h"
-#include "isobrick/preprocess/sources/bdv_xml.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
+
+struct BdvDataset {
+  std::string hdf5_path;
+  // Of voxels of the finest level: of each setup their size, and for setup and time point their
+  // place, if the file has one. In `units`, by setup; "" if none is said.
+  std::map<std::int64_t, glm::dvec3> voxel_sizes;
+  std::map<std::int64_t, std::string> units;
+  std::map<std::pair<std::int64_t, std::int64_t>, glm::dmat4> places;
+  std::string xml_path;
+
+  // Throws Error if size and place contradict each other.
+  GridGeometry geometryOf(std::int64_t setup, std::int64_t time) const;
+};
+
+// Throws Error for XML of another kind, and for datasets that are not kept in HDF5.
+BdvDataset readBdvXml(const std::string& path);
 
 struct Hdf5Choice {
   std::string dataset;

@@ -16,8 +16,8 @@ struct Hdf5Needs {
 
 // Of the dataset in `file`, which lies at `path`: of a virtual one the files of its sources, and of
 // one outside of HDF5 its raw files. The library gives fill values for sources that it does not
-// find. Throws Error if one is missing, or a filter of any of the datasets (hdf5_filters.h). `name`
-// is the volume's for messages. A caller holds an Hdf5Call.
+// find. Throws Error if one is missing, or a filter of any of the datasets. `name` is the volume's
+// for messages. A caller holds an Hdf5Call.
 Hdf5Needs checkHdf5Needs(hid_t dataset, hid_t file, const std::string& path,
                          const std::string& name, const OpenOptions& options);
 

@@ -8,13 +8,11 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/bdv_xml.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/hdf5_axes.h"
 #include "isobrick/preprocess/sources/hdf5_choice.h"
 #include "isobrick/preprocess/sources/hdf5_needs.h"
 #include "isobrick/preprocess/sources/hdf5_objects.h"
-#include "isobrick/preprocess/sources/hdf5_placement.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/error.h"
@@ -126,10 +124,10 @@ class Hdf5Source final : public VolumeSource {
     if (file_.isValid()) return;
     const std::string reason = hdf5Reason();
     if (H5Fis_hdf5(path_.c_str()) <= 0)
-      throw unreadable(path_, "it is no HDF5 file" + olderFormat(check) +
-                                  ", or its beginning is missing; convert it, or get it again");
-    throw unreadable(path_, "HDF5 cannot open it (" + reason +
-                                "); check that it is whole, and that no program is writing it");
+      throw unreadable(path_, "it is no HDF5 file", olderFormat(check),
+                       ", or its beginning is missing; convert it, or get it again");
+    throw unreadable(path_, "HDF5 cannot open it (", reason,
+                     "); check that it is whole, and that no program is writing it");
   }
 
   // ", but ...", of formats with the same endings.
@@ -147,22 +145,23 @@ class Hdf5Source final : public VolumeSource {
     dataset_name_ = choice_.dataset;
     dataset_ = Hdf5Handle(H5Dopen2(file_.id(), dataset_name_.c_str(), H5P_DEFAULT), H5Dclose);
     if (!dataset_.isValid())
-      throw unreadable(path_, "its dataset " + quotedText(dataset_name_, 100) +
-                                  " cannot be opened (" + hdf5Reason() + "); get the file again");
+      throw unreadable(path_, "its dataset ", quotedText(dataset_name_, 100), " cannot be opened (",
+                       hdf5Reason(), "); get the file again");
     creation_ = Hdf5Handle(H5Dget_create_plist(dataset_.id()), H5Pclose);
     type_ = Hdf5Handle(H5Dget_type(dataset_.id()), H5Tclose);
     layout_ = H5Pget_layout(creation_.id());
   }
 
-  Error refused(const std::string& why) const {
-    return Error("cannot use '" + info_.source + "': " + why, {.path = path_});
+  template <typename... Parts>
+  Error refused(const Parts&... why) const {
+    return fileError(path_, "cannot use '", info_.source, "': ", why...);
   }
 
   void takeShape() {
     const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
     const int axes = space.isValid() ? H5Sget_simple_extent_ndims(space.id()) : -1;
     if (axes < 3 || axes > kMostHdf5Axes)
-      throw refused("its dataset has " + std::to_string(axes) +
+      throw refused("its dataset has ", axes,
                     " axes, and a volume has three; name another dataset");
     dims_.resize(static_cast<std::size_t>(axes));
     most_dims_.resize(dims_.size());
@@ -181,8 +180,8 @@ class Hdf5Source final : public VolumeSource {
   // The rest of the dataset fills its chunks.
   void takeVoxelsOf(const Index3& voxels) {
     if (glm::any(glm::greaterThan(voxels, info_.voxels)))
-      throw refused("it says that it has " + indexText(voxels, " x ") +
-                    " voxels, and its dataset has " + indexText(info_.voxels, " x ") +
+      throw refused("it says that it has ", indexText(voxels, " x "),
+                    " voxels, and its dataset has ", indexText(info_.voxels, " x "),
                     "; get the whole file");
     info_.voxels = voxels;
   }
@@ -231,10 +230,9 @@ class Hdf5Source final : public VolumeSource {
       // The library makes no chunk that is longer than a dataset of a fixed size, and reads past
       // the end of one whose damaged header states such a chunk.
       if (most_dims_[i] != H5S_UNLIMITED && chunk_voxels_[i] > most_dims_[i])
-        throw unreadable(
-            path_,
-            "its chunks are longer than the dataset may become: its header is damaged; "
-            "get the whole file again");
+        throw unreadable(path_,
+                         "its chunks are longer than the dataset may become: its header is "
+                         "damaged; get the whole file again");
     }
     chunk_slices_ = static_cast<std::int64_t>(chunk_voxels_[axes_.of_space[2]]);
   }
@@ -255,8 +253,9 @@ class Hdf5Source final : public VolumeSource {
       if (__builtin_mul_overflow(all, (dims_[i] + chunk_voxels_[i] - 1) / chunk_voxels_[i], &all))
         return;
     if (written < all)
-      info_.notes.push_back(std::to_string(all - written) + " of the " + std::to_string(all) +
-                            " chunks of the dataset were never written: they have its fill value");
+      info_.notes.push_back(
+          concat(all - written, " of the ", all,
+                 " chunks of the dataset were never written: they have its fill value"));
   }
 
   // The library's cache holds 1 MiB unless told otherwise: each chunk would be unpacked for every
@@ -352,10 +351,9 @@ class Hdf5Source final : public VolumeSource {
         H5Dread(dataset_.id(), memory_type_, memory_space.id(), file_space.id(), H5P_DEFAULT, out) <
             0) {
       const std::string reason = hdf5Reason();
-      throw Error("cannot read slices " + std::to_string(box.first.z) + " to " +
-                      std::to_string(box.end().z - 1) + " of '" + info_.source +
-                      "': the file is cut short or damaged there (" + reason + "); get it again",
-                  {.path = path_});
+      throw fileError(path_, "cannot read slices ", box.first.z, " to ", box.end().z - 1, " of '",
+                      info_.source, "': the file is cut short or damaged there (", reason,
+                      "); get it again");
     }
   }
 

@@ -7,6 +7,7 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/grid.h"
 #include "isobrick/storage/lowercase.h"
@@ -79,18 +80,24 @@ bool isEndless(std::int64_t first, std::int64_t last, std::int64_t step) {
 
 Error badPattern(const std::string& header_path, const std::string& pattern) {
   return unusable(
-      header_path,
-      "its data files '" + pattern.substr(0, 100) +
-          "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header");
+      header_path, "its data files '", pattern.substr(0, 100),
+      "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header");
+}
+
+// Files of an array if each has so many whole axes.
+std::int64_t piecesOf(const std::vector<std::int64_t>& sizes, std::int64_t whole_axes) {
+  std::int64_t pieces = 1;
+  for (auto i = static_cast<std::size_t>(whole_axes); i < sizes.size(); ++i)
+    pieces = std::min(kMaxVoxelsPerAxis * 2, pieces * std::min(sizes[i], kMaxVoxelsPerAxis));
+  return pieces;
 }
 
 // Relative to the header; as many as there are to be.
 std::vector<std::string> besideHeaderAll(const std::string& header_path,
                                          std::vector<std::string> names, std::int64_t pieces) {
   if (std::ssize(names) != pieces)
-    throw unusable(header_path, "it names " + std::to_string(names.size()) +
-                                    " data files, and its sizes need " + std::to_string(pieces) +
-                                    "; correct its header");
+    throw unusable(header_path, "it names ", names.size(), " data files, and its sizes need ",
+                   pieces, "; correct its header");
   for (std::string& name : names) name = besideHeader(header_path, name);
   return names;
 }
@@ -100,6 +107,17 @@ std::vector<std::string> besideHeaderAll(const std::string& header_path,
 std::string HeaderText::value(const std::string& name) const {
   const auto found = fields.find(name);
   return found == fields.end() ? "" : found->second;
+}
+
+Error HeaderText::wrong(const std::string& path, const std::string& field, const std::string& text,
+                        const std::string& what) {
+  return unreadable(path, "its ", field, " ", quotedText(text, 60), " ", what,
+                    "; correct its header, or get the whole file again");
+}
+
+std::uint64_t HeaderText::endIn(const std::string& path) const {
+  if (!end) throw unreadable(path, "it ends within its header; get the whole file again");
+  return *end;
 }
 
 std::string besideHeader(const std::string& header_path, const std::string& name) {
@@ -150,7 +168,8 @@ std::optional<HeaderText> readMetaImageHeader(const std::string& path) {
 }
 
 std::vector<std::string> nrrdDataFiles(const std::string& header_path, const HeaderText& header,
-                                       std::int64_t axes, const PiecesOf& pieces) {
+                                       const std::vector<std::int64_t>& sizes) {
+  const std::int64_t axes = std::ssize(sizes);
   const std::string named = header.value("datafile");
   if (named.empty()) return {header_path};
   const std::vector<std::string> parts = wordsOf(named);
@@ -159,7 +178,7 @@ std::vector<std::string> nrrdDataFiles(const std::string& header_path, const Hea
     const std::int64_t whole =
         part < parts.size() ? wholeNumber(parts[part]).value_or(0) : axes - 1;
     if (whole < 1 || whole > axes) throw badPattern(header_path, named);
-    return pieces(whole);
+    return piecesOf(sizes, whole);
   };
   if (isList(named)) return besideHeaderAll(header_path, header.listed, piecesBy(1));
   // All three numbers are required; without them it is one file with a strange name.
@@ -177,8 +196,9 @@ std::vector<std::string> nrrdDataFiles(const std::string& header_path, const Hea
 }
 
 std::vector<std::string> metaImageDataFiles(const std::string& header_path,
-                                            const HeaderText& header, std::int64_t axes,
-                                            const PiecesOf& pieces) {
+                                            const HeaderText& header,
+                                            const std::vector<std::int64_t>& sizes) {
+  const std::int64_t axes = std::ssize(sizes);
   const std::string named = header.value("elementdatafile");
   if (lowercase(named) == "local") return {header_path};
   const std::vector<std::string> parts = wordsOf(named);
@@ -188,7 +208,7 @@ std::vector<std::string> metaImageDataFiles(const std::string& header_path,
     // "LIST 2": pieces of two axes, which is the rule for a volume.
     const std::int64_t whole =
         parts.size() > 1 ? wholeNumber(parts[1]).value_or(axes - 1) : axes - 1;
-    const std::int64_t count = pieces(std::clamp<std::int64_t>(whole, 1, axes));
+    const std::int64_t count = piecesOf(sizes, std::clamp<std::int64_t>(whole, 1, axes));
     std::vector<std::string> names = header.listed;
     if (std::ssize(names) > count) names.resize(static_cast<std::size_t>(count));
     return besideHeaderAll(header_path, std::move(names), count);
@@ -198,7 +218,8 @@ std::vector<std::string> metaImageDataFiles(const std::string& header_path,
   const auto number = [&](std::size_t i, std::int64_t otherwise) {
     return i < parts.size() ? wholeNumber(parts[i]) : std::optional<std::int64_t>(otherwise);
   };
-  const std::int64_t slices = std::clamp<std::int64_t>(pieces(axes - 1), 1, kMaxVoxelsPerAxis);
+  const std::int64_t slices =
+      std::clamp<std::int64_t>(piecesOf(sizes, axes - 1), 1, kMaxVoxelsPerAxis);
   const auto first = number(1, 1);
   const auto last = number(2, first.value_or(1) + slices - 1);
   const auto step = number(3, parts.size() == 3 && first && last ? (*last - *first) / slices : 1);
@@ -245,6 +266,11 @@ std::optional<std::vector<std::int64_t>> wholeNumbersOf(const std::string& text)
     numbers.push_back(*number);
   }
   return numbers;
+}
+
+std::optional<std::int64_t> wholeNumberOf(const std::string& text) {
+  const auto numbers = wholeNumbersOf(text);
+  return numbers && numbers->size() == 1 ? std::optional(numbers->front()) : std::nullopt;
 }
 
 }  // namespace isobrick

@@ -6,7 +6,6 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/header_text.h"
-#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_array.h"
@@ -62,26 +61,23 @@ class MetaImageReader {
     return text.empty() ? otherwise : text[0] == 'T' || text[0] == 't' || text[0] == '1';
   }
   Error wrong(const std::string& field, const std::string& text, const std::string& what) const {
-    return unreadable(path_, "its " + field + " " + quotedText(text, 60) + " " + what +
-                                 "; correct its header, or get the whole file again");
+    return HeaderText::wrong(path_, field, text, what);
   }
 
   void takeAxes(StoredArray& array) {
     using Use = StoredAxis::Use;
     const auto sizes = wholeNumbersOf(value("dimsize"));
-    const auto axes = wholeNumbersOf(value("ndims"));
+    const auto axes = wholeNumberOf(value("ndims"));
     constexpr std::int64_t kMostAxes = 10;  // of MetaIO
-    if (!sizes || sizes->empty() || !axes || axes->size() != 1 || axes->front() > kMostAxes ||
-        axes->front() != std::ssize(*sizes) ||
+    if (!sizes || sizes->empty() || !axes || *axes > kMostAxes || *axes != std::ssize(*sizes) ||
         std::any_of(sizes->begin(), sizes->end(), [](std::int64_t size) { return size < 1; }))
       throw wrong("DimSize", value("dimsize"), "is not as many counts as its NDims says");
     sizes_ = *sizes;
     std::int64_t channels = 1;
     if (const std::string text = value("elementnumberofchannels"); !text.empty()) {
-      const auto count = wholeNumbersOf(text);
-      if (!count || count->size() != 1 || count->front() < 1)
-        throw wrong("ElementNumberOfChannels", text, "is no count");
-      channels = count->front();
+      const auto count = wholeNumberOf(text);
+      if (!count || *count < 1) throw wrong("ElementNumberOfChannels", text, "is no count");
+      channels = *count;
     }
     array.axes = {{channels, Use::kValues}};
     for (std::size_t i = 0; i < sizes_.size(); ++i)
@@ -104,28 +100,17 @@ class MetaImageReader {
     // Of two fields that contradict each other, MetaIO believes the first.
     array.stored.big_endian =
         !is_text && isTrue("elementbyteordermsb", isTrue("binarydatabyteordermsb", false));
-    const std::int64_t channels = array.axes.front().size;
-    static_cast<void>(channels);
-    files.paths = metaImageDataFiles(path_, header_, std::ssize(sizes_), [&](std::int64_t whole) {
-      std::int64_t pieces = 1;
-      for (auto i = static_cast<std::size_t>(whole); i < sizes_.size(); ++i)
-        pieces = std::min(kMaxVoxelsPerAxis * 2, pieces * std::min(sizes_[i], kMaxVoxelsPerAxis));
-      return pieces;
-    });
-    if (lowercase(value("elementdatafile")) == "local") {
-      if (!header_.end)
-        throw unreadable(path_, "it ends within its header; get the whole file again");
-      files.first_byte = *header_.end;
-    }
+    files.paths = metaImageDataFiles(path_, header_, sizes_);
+    if (lowercase(value("elementdatafile")) == "local") files.first_byte = header_.endIn(path_);
     if (!header_.fields.contains("headersize")) return;
-    const auto skip = wholeNumbersOf(value("headersize"));
-    if (!skip || skip->size() != 1 || skip->front() < NumberFiles::kAllBefore)
+    const auto skip = wholeNumberOf(value("headersize"));
+    if (!skip || *skip < NumberFiles::kAllBefore)
       throw wrong("HeaderSize", value("headersize"), "is no count of bytes");
     // In front of what is packed.
-    if (skip->front() == NumberFiles::kAllBefore)
+    if (*skip == NumberFiles::kAllBefore)
       files.skipped_bytes = NumberFiles::kAllBefore;
     else
-      files.first_byte += static_cast<std::uint64_t>(skip->front());
+      files.first_byte += static_cast<std::uint64_t>(*skip);
   }
 
   // A row of the matrix is the direction of an axis. CenterOfRotation and AnatomicalOrientation
@@ -138,7 +123,7 @@ class MetaImageReader {
       if (text.empty()) return std::vector<double>(count, otherwise);
       const auto found = numbersOf(text);
       if (!found || found->size() < count)
-        throw wrong(*names.begin(), text, "is not " + std::to_string(count) + " numbers");
+        throw wrong(*names.begin(), text, concat("is not ", count, " numbers"));
       return *found;
     };
     const std::vector<double> spacing = numbers({"elementspacing", "elementsize"}, axes, 1);
@@ -174,9 +159,9 @@ std::unique_ptr<VolumeSource> openMetaImageSource(const std::string& path,
   static_cast<void>(InputFile(path));  // says what is wrong with a path
   auto header = readMetaImageHeader(path);
   if (!header)
-    throw unreadable(path,
-                     "it has no ElementDataFile, the last line of a MetaImage header; get the "
-                     "whole file again");
+    throw unreadable(
+        path,
+        "it has no ElementDataFile, the last line of a MetaImage header; get the whole file again");
   return MetaImageReader(path, std::move(*header)).open(options);
 }
 

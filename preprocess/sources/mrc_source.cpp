@@ -7,12 +7,10 @@
 #include <string_view>
 #include <utility>
 
-#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/inflate_stream.h"
-#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/stored_array.h"
 #include "isobrick/storage/lowercase.h"
@@ -83,8 +81,8 @@ class MrcHeader {
       if (mode.mode == 0 && hasSignedBytes()) mode.type = StoredType::kInt8;
       return mode;
     }
-    throw unusable(path_, "its voxels are of MRC mode " + std::to_string(number(12)) +
-                              ", which is not read; convert it to mode 2");
+    throw unusable(path_, "its voxels are of MRC mode ", number(12),
+                   ", which is not read; convert it to mode 2");
   }
 
   // Volumes one behind the other: space group 401, or with the symmetry of another.
@@ -93,9 +91,8 @@ class MrcHeader {
     const std::int32_t group = number(88), sections = number(36);
     if (group < kFirstOfStacks || group > kLastOfStacks) return 1;
     if (sections < 1 || number(8) % sections != 0)
-      throw unusable(path_, "it is a stack of volumes of " + std::to_string(sections) +
-                                " sections each and has " + std::to_string(number(8)) +
-                                " in all; correct its header");
+      throw unusable(path_, "it is a stack of volumes of ", sections, " sections each and has ",
+                     number(8), " in all; correct its header");
     return number(8) / sections;
   }
 
@@ -182,8 +179,8 @@ bool isMrcFile(const std::string& path) {
 std::unique_ptr<VolumeSource> openMrcSource(const std::string& path, const OpenOptions& options) {
   const MrcHeader header(path);
   if (header.extensionBytes() < 0)
-    throw unusable(path, "its header has an extension of " +
-                             std::to_string(header.extensionBytes()) + " bytes; correct it");
+    throw unusable(path, "its header has an extension of ", header.extensionBytes(),
+                   " bytes; correct it");
   const MrcMode mode = header.mode();
   const Index3 counts = header.counts();
   const std::int64_t volumes = header.volumes();

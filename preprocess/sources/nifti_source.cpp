@@ -12,13 +12,11 @@
 #include <iterator>
 #include <utility>
 
-#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/inflate_stream.h"
-#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/stored_array.h"
 #include "isobrick/storage/lowercase.h"
@@ -113,8 +111,8 @@ NiftiHeader readNiftiHeader(const std::string& path) {
     if (header.dim[0] < 1 || header.dim[0] > 7) continue;
     for (std::size_t axis = 1; axis <= static_cast<std::size_t>(header.dim[0]); ++axis)
       if (header.dim[axis] < 1)
-        throw unusable(path, "it has " + std::to_string(header.dim[axis]) + " voxels along axis " +
-                                 std::to_string(axis) + "; correct its header");
+        throw unusable(path, "it has ", header.dim[axis], " voxels along axis ", axis,
+                       "; correct its header");
     return header;
   }
   throw unreadable(path,
@@ -146,16 +144,15 @@ NumberFiles numberFiles(const std::string& header_path, const NiftiHeader& heade
   const std::string data_path =
       header.is_one_file ? header_path : besidePair(header_path, ".hdr", {".img", ".img.gz"});
   if (data_path.empty())
-    throw unreadable(header_path,
-                     "there is no .img file of that name beside it; put both files of the pair "
-                     "into one folder");
+    throw unreadable(
+        header_path,
+        "there is no .img file of that name beside it; put both files of the pair into one folder");
   files.paths = {data_path};
   if (isGzipped(InputFile(data_path, data_path == header_path ? "" : header_path)))
     files.form = NumberFiles::Form::kGzip;
   if (!(header.voxel_offset >= 0 && header.voxel_offset < 0x1p62))
-    throw unreadable(header_path, "it says that the voxels begin at byte " +
-                                      shortText(header.voxel_offset) +
-                                      "; correct vox_offset in its header");
+    throw unreadable(header_path, "it says that the voxels begin at byte ", header.voxel_offset,
+                     "; correct vox_offset in its header");
   files.skipped_bytes = static_cast<std::int64_t>(header.voxel_offset);
   if (header.is_one_file)
     files.skipped_bytes =
@@ -197,8 +194,8 @@ StoredType storedType(const std::string& path, int data_type) {
     case NIFTI_TYPE_COMPLEX128:
       return StoredType::kFloat64;
     default:
-      throw unusable(path, "its voxels are of NIfTI type " + std::to_string(data_type) +
-                               ", which is no plain number; convert it first");
+      throw unusable(path, "its voxels are of NIfTI type ", data_type,
+                     ", which is no plain number; convert it first");
   }
 }
 
@@ -286,9 +283,9 @@ StatedPlaces bestPlaces(const NiftiHeader& header, const Index3& voxels,
     const double smallest =
         std::min({voxelSize(header, 0), voxelSize(header, 1), voxelSize(header, 2)});
     if (!(distance <= 0.01 * smallest))
-      notes.push_back("its sform (code " + std::to_string(header.sform_code) +
-                      ") and its qform (code " + std::to_string(header.qform_code) +
-                      ") put voxels up to " + shortText(distance) + " apart; the sform was taken");
+      notes.push_back(concat("its sform (code ", header.sform_code, ") and its qform (code ",
+                             header.qform_code, ") put voxels up to ", distance,
+                             " apart; the sform was taken"));
   }
   return best;
 }

@@ -8,7 +8,6 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/header_text.h"
-#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_array.h"
@@ -94,18 +93,17 @@ class NrrdReader {
   };
 
   Error wrong(const std::string& field, const std::string& text, const std::string& what) const {
-    return unreadable(path_, "its " + field + " " + quotedText(text, 60) + " " + what +
-                                 "; correct its header, or get the whole file again");
+    return HeaderText::wrong(path_, field, text, what);
   }
   std::string value(const std::string& name) const { return header_.value(name); }
 
   void takeSizes() {
     const std::string text = value("sizes");
     const auto sizes = wholeNumbersOf(text);
-    const auto dimension = wholeNumbersOf(value("dimension"));
+    const auto dimension = wholeNumberOf(value("dimension"));
     constexpr std::size_t kMostAxes = 16;  // of the format
     if (!sizes || sizes->empty() || sizes->size() > kMostAxes || !dimension ||
-        dimension->size() != 1 || dimension->front() != std::ssize(*sizes) ||
+        *dimension != std::ssize(*sizes) ||
         std::any_of(sizes->begin(), sizes->end(), [](std::int64_t size) { return size < 1; }))
       throw wrong("sizes", text, "are not as many counts as its dimension says");
     axes_.resize(sizes->size());
@@ -138,15 +136,15 @@ class NrrdReader {
     for (const NrrdSpace& space : kNrrdSpaces)
       if (!name.empty() && (name == space.name || name == space.short_name)) space_ = space;
     if (!name.empty() && space_.axes == 0)
-      throw unusable(path_, "its space " + quotedText(name, 40) +
-                                " is not read; convert it to left-posterior-superior");
-    if (const auto axes = wholeNumbersOf(value("spacedimension")); axes && axes->size() == 1)
-      space_.axes = static_cast<int>(std::clamp<std::int64_t>(axes->front(), 0, 16));
+      throw unusable(path_, "its space ", quotedText(name, 40),
+                     " is not read; convert it to left-posterior-superior");
+    if (const auto axes = wholeNumberOf(value("spacedimension")))
+      space_.axes = static_cast<int>(std::clamp<std::int64_t>(*axes, 0, 16));
     if (!header_.fields.contains("spacedirections")) return;
     const std::string text = value("spacedirections");
     if (space_.axes != 3 && space_.axes != 4)
-      throw unusable(path_, "its space has " + std::to_string(space_.axes) +
-                                " axes, and volumes of 3 are read; convert it first");
+      throw unusable(path_, "its space has ", space_.axes,
+                     " axes, and volumes of 3 are read; convert it first");
     std::size_t at = 0, axis = 0;
     for (; axis < axes_.size(); ++axis) {
       at = text.find_first_not_of(" \t", at);
@@ -254,8 +252,8 @@ class NrrdReader {
     std::string name = lowercase(value("type"));
     if (name == "block")
       throw unusable(path_,
-                     "its voxels are blocks of bytes without a meaning (type: block), which "
-                     "are not read; write numbers");
+                     "its voxels are blocks of bytes without a meaning (type: block), which are "
+                     "not read; write numbers");
     if (name.ends_with(" int") && name != "unsigned int" && name != "signed int")
       name.resize(name.size() - 4);  // "short int", "unsigned long long int"
     if (name == "unsigned int" || name == "signed int") name.resize(name.size() - 4);
@@ -285,24 +283,15 @@ class NrrdReader {
         throw wrong("endian", endian, "is neither big nor little");
       array.stored.big_endian = endian == "big";
     }
-    files.paths = nrrdDataFiles(path_, header_, std::ssize(axes_), [&](std::int64_t whole) {
-      std::int64_t pieces = 1;
-      for (auto i = static_cast<std::size_t>(whole); i < axes_.size(); ++i)
-        pieces =
-            std::min(kMaxVoxelsPerAxis * 2, pieces * std::min(axes_[i].size, kMaxVoxelsPerAxis));
-      return pieces;
-    });
-    if (!header_.fields.contains("datafile")) {
-      if (!header_.end)
-        throw unreadable(path_, "it ends within its header; get the whole file again");
-      files.first_byte = *header_.end;
-    }
+    std::vector<std::int64_t> sizes;
+    for (const NrrdAxis& axis : axes_) sizes.push_back(axis.size);
+    files.paths = nrrdDataFiles(path_, header_, sizes);
+    if (!header_.fields.contains("datafile")) files.first_byte = header_.endIn(path_);
     const auto skip = [&](const std::string& field, std::int64_t least) -> std::int64_t {
       if (!header_.fields.contains(field)) return 0;
-      const auto count = wholeNumbersOf(value(field));
-      if (!count || count->size() != 1 || count->front() < least)
-        throw wrong(field, value(field), "is no count");
-      return count->front();
+      const auto count = wholeNumberOf(value(field));
+      if (!count || *count < least) throw wrong(field, value(field), "is no count");
+      return *count;
     };
     files.skipped_lines = static_cast<std::uint64_t>(skip("lineskip", 0));
     files.skipped_bytes = skip("byteskip", NumberFiles::kAllBefore);

@@ -7,7 +7,7 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/voxel_components.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
@@ -23,46 +23,28 @@ namespace {
 constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat", ".vol",
                                                          ".u8",  ".u16", ".i16", ".f32"};
 
-[[maybe_unused]] Error leftOut(const std::string& path, const char* library) {
-  return unreadable(path,
-                    std::string("this isobrick was built without ") + library +
-                        "; build it anew with that, or convert the file to .vti or raw voxels");
+Error leftOut(const std::string& path, const char* library) {
+  return unreadable(path, "this isobrick was built without ", library,
+                    "; build it anew with that, or convert the file to .vti or raw voxels");
 }
 
-std::unique_ptr<VolumeSource> openVdb(const std::string& path,
-                                      [[maybe_unused]] const OpenOptions& options) {
-#if ISOBRICK_WITH_OPENVDB
-  return openVdbSource(path, options);
-#else
+using OpenedSource = std::unique_ptr<VolumeSource>;
+// What is discarded here need not be there.
+OpenedSource openVdb(const std::string& path, const OpenOptions& options) {
+  if constexpr (ISOBRICK_WITH_OPENVDB) return openVdbSource(path, options);
   throw leftOut(path, "OpenVDB");
-#endif
 }
-
-std::unique_ptr<VolumeSource> openExr(const std::string& path,
-                                      [[maybe_unused]] const OpenOptions& options) {
-#if ISOBRICK_WITH_OPENEXR
-  return openExrSlices(path, options);
-#else
+OpenedSource openExr(const std::string& path, const OpenOptions& options) {
+  if constexpr (ISOBRICK_WITH_OPENEXR) return openExrSlices(path, options);
   throw leftOut(path, "OpenEXR");
-#endif
 }
-
-std::unique_ptr<VolumeSource> openHdf5(const std::string& path,
-                                       [[maybe_unused]] const OpenOptions& options) {
-#if ISOBRICK_WITH_HDF5
-  return openHdf5Source(path, options);
-#else
+OpenedSource openHdf5(const std::string& path, const OpenOptions& options) {
+  if constexpr (ISOBRICK_WITH_HDF5) return openHdf5Source(path, options);
   throw leftOut(path, "HDF5");
-#endif
 }
-
-std::unique_ptr<VolumeSource> openItk(const std::string& path,
-                                      [[maybe_unused]] const OpenOptions& options) {
-#if ISOBRICK_WITH_ITK
-  return openItkSource(path, options);
-#else
+OpenedSource openItk(const std::string& path, const OpenOptions& options) {
+  if constexpr (ISOBRICK_WITH_ITK) return openItkSource(path, options);
   throw leftOut(path, "ITK");
-#endif
 }
 
 // False for the formats of which every voxel has one value, or which are read no further.
@@ -90,9 +72,7 @@ std::unique_ptr<VolumeSource> openWith(const std::string& path, const OpenOption
 constexpr Reader kReaders[] = {
     {{"OME-Zarr", ".ome.zarr .zarr, zipped .zip .ozx", true},
      [](const std::string& path, bool) { return isZarrFolder(path); },
-     [](const std::string& path, const OpenOptions& options) {
-       return openZarrSource(path, options);
-     }},
+     openWith<openZarrSource>},
     {{"OpenEXR", "folder of .exr", ISOBRICK_WITH_OPENEXR},
      [](const std::string& path, bool is_folder) { return is_folder && hasExrSlices(path); },
      openExr},
@@ -106,9 +86,7 @@ constexpr Reader kReaders[] = {
        const std::string ending = lowerExtension(path);
        return !is_folder && (ending == ".vti" || ending == ".pvti" || ending == ".vtk");
      },
-     [](const std::string& path, const OpenOptions& options) {
-       return openVtiSource(path, options);
-     }},
+     openWith<openVtiSource>},
     {{"OpenVDB", ".vdb", ISOBRICK_WITH_OPENVDB},
      [](const std::string& path, bool is_folder) {
        return !is_folder && lowerExtension(path) == ".vdb";
@@ -170,11 +148,10 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   if (!isRegularFile(path) && !isPyramidFile(path)) return;
   const std::string ending = lowerExtension(path);
   if ((ending == ".isb" || isFolder(path)) && !options.pyramid_level)
-    throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
-                {.path = path});
+    throw fileError(path, "'", path, "' is a pyramid already; give the volume that it was made of");
   if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
-    throw Error("'" + path + "' has no header; say how its voxels lie", {.path = path},
-                {Remedy::kDescribeRawFile});
+    throw fileError(path, "'", path, "' has no header; say how its voxels lie",
+                    Remedy::kDescribeRawFile);
 }
 
 std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,

@@ -1,6 +1,7 @@
 #include <utility>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/deviation_code.h"
@@ -40,7 +41,7 @@ class BrickSource : public VolumeSource {
     info_.geometry = pyramid_->spec().geometry;
     info_.source = pyramid_->path();
     info_.format = "isobrick pyramid";
-    info_.encoding = "level " + std::to_string(level);
+    info_.encoding = concat("level ", level);
   }
 
   const VolumeInfo& info() const override { return info_; }
@@ -108,10 +109,9 @@ class PyramidSource final : public BrickSource {
       const std::int64_t last = info_.voxels[axis] - 1;
       const std::int64_t beyond = (last << level) - lattice.position(level, axis, last);
       if (beyond > 0)
-        info_.notes.push_back(
-            std::string("level ") + std::to_string(level) + ": the last sample along " +
-            "xyz"[axis] + " repeats the border voxel, " + std::to_string(beyond) +
-            (beyond == 1 ? " voxel" : " voxels") + " nearer than a regular grid says");
+        info_.notes.push_back(concat(
+            "level ", level, ": the last sample along ", "xyz"[axis], " repeats the border voxel, ",
+            beyond, beyond == 1 ? " voxel" : " voxels", " nearer than a regular grid says"));
     }
   }
 
@@ -202,8 +202,8 @@ std::unique_ptr<VolumeSource> makePyramidSource(std::shared_ptr<const Pyramid> p
                                                 const CancelFlag* cancel) {
   const int levels = pyramid->lattice().levels();
   if (level < 0 || level >= levels)
-    throw Error("'" + pyramid->path() + "' has the levels 0 to " + std::to_string(levels - 1) +
-                    ", and not " + std::to_string(level) + "; choose one of these",
+    throw Error(concat("'", pyramid->path(), "' has the levels 0 to ", levels - 1, ", and not ",
+                       level, "; choose one of these"),
                 {.path = pyramid->path(), .level = level});
   return std::make_unique<PyramidSource>(std::move(pyramid), budget_bytes, level, cancel);
 }
@@ -212,8 +212,8 @@ std::unique_ptr<VolumeSource> makeNodeSource(const std::shared_ptr<const Pyramid
                                              std::uint64_t budget_bytes, NodeValue value, int level,
                                              const IndexBox& voxels, const CancelFlag* cancel) {
   if (value >= NodeValue::kCurvature && !pyramid->spec().has_curvature)
-    throw Error("'" + pyramid->path() + "' holds no curvature", {.path = pyramid->path()},
-                {Remedy::kBuildWithCurvature});
+    throw fileError(pyramid->path(), "'", pyramid->path(), "' holds no curvature",
+                    Remedy::kBuildWithCurvature);
   return std::make_unique<NodeSource>(pyramid, budget_bytes, value, level, voxels, cancel);
 }
 

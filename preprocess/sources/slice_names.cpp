@@ -136,12 +136,12 @@ std::vector<NumberedSlice> namesOfOneKind(const std::vector<std::string>& files,
     constexpr std::size_t kMostCharacters = 300;
     if (kind == slices.front().kind || list.size() > kMostCharacters) continue;
     list += (list.empty() ? "" : ", ") + fileName(names.front().path);
-    if (names.size() > 1) list += " and " + std::to_string(names.size() - 1) + " more like it";
+    if (names.size() > 1) list += concat(" and ", names.size() - 1, " more like it");
   }
   const std::size_t others = files.size() - slices.size();
   if (4 * others > slices.size())
-    throw unusable(info.source, "beside names like " + fileName(slices.front().path) + " it has " +
-                                    list + "; keep only the slices of one volume in the folder");
+    throw unusable(info.source, "beside names like ", fileName(slices.front().path), " it has ",
+                   list, "; keep only the slices of one volume in the folder");
   if (others > 0) info.notes.push_back("left out, as names not like those of the slices: " + list);
   applySigns(slices);
   std::ranges::sort(slices, {}, &NumberedSlice::numbers);
@@ -177,19 +177,18 @@ std::size_t chooseAmong(std::vector<NumberedSlice>& slices, const std::vector<Nu
   for (const NumberPlace& place : places) {
     (place.isChannel() ? channels : place.isTime() ? times : others).push_back(&place);
     product *= std::min(place.values.size(), slices.size() + 1);
-    list += (list.empty() ? "" : " and ") + (place.word.empty() ? "" : "'" + place.word + "' ") +
-            std::to_string(*place.values.begin()) + " to " + std::to_string(*place.values.rbegin());
+    list += concat(list.empty() ? "" : " and ", place.word.empty() ? "" : "'" + place.word + "' ",
+                   *place.values.begin(), " to ", *place.values.rbegin());
     if (product > slices.size()) break;
   }
   if (product != slices.size())
-    throw unusable(info.source, "the numbers in its names (" + list +
-                                    ") have gaps: " + std::to_string(slices.size()) +
-                                    " files do not make all pairs of them; add what is missing, or "
-                                    "keep one volume in the folder");
+    throw unusable(info.source, "the numbers in its names (", list, ") have gaps: ", slices.size(),
+                   " files do not make all pairs of them; add what is missing, or keep one volume "
+                   "in the folder");
   if (others.size() != 1 || channels.size() > 1 || times.size() > 1)
-    throw unusable(info.source, "the numbers in its names (" + list +
-                                    ") do not say which of them count slices; keep one volume in "
-                                    "the folder, or call channels and times _c and _t");
+    throw unusable(info.source, "the numbers in its names (", list,
+                   ") do not say which of them count slices; keep one volume in the folder, or "
+                   "call channels and times _c and _t");
   const auto take = [&](const std::vector<const NumberPlace*>& kind, const char* what,
                         std::optional<std::int64_t> wanted) {
     const std::int64_t count = kind.empty() ? 1 : std::ssize(kind.front()->values);
@@ -219,9 +218,8 @@ void refuseGaps(const std::vector<NumberedSlice>& slices, std::size_t at, const 
       list += (gaps > 1 ? ", " : "") + fileName(slices[i - 1].path) + " and " +
               fileName(slices[i].path);
   if (gaps > 0)
-    throw unusable(info.source, "slices are missing between " + list + (gaps > 5 ? ", ..." : "") +
-                                    ", by the numbers in their names; add them, or number what is "
-                                    "there anew");
+    throw unusable(info.source, "slices are missing between ", list, gaps > 5 ? ", ..." : "",
+                   ", by the numbers in their names; add them, or number what is there anew");
 }
 
 }  // namespace
@@ -236,9 +234,8 @@ std::vector<std::string> filesInFolder(const std::string& folder) {
     return true;
   });
   if (failure)
-    throw Error(
-        "cannot read the folder '" + folder + "': " + failure.message() + "; check its permissions",
-        {.path = folder});
+    throw fileError(folder, "cannot read the folder '", folder, "': ", failure.message(),
+                    "; check its permissions");
   std::sort(files.begin(), files.end());
   return files;
 }
@@ -263,13 +260,13 @@ std::vector<std::string> chooseSlices(const std::vector<std::string>& files,
   if (slices.empty()) return files;
   const auto twins = std::ranges::adjacent_find(slices, {}, &NumberedSlice::numbers);
   if (twins != slices.end())
-    throw unusable(info.source, fileName(twins->path) + " and " + fileName((twins + 1)->path) +
-                                    " have the same number; keep one of them");
+    throw unusable(info.source, fileName(twins->path), " and ", fileName((twins + 1)->path),
+                   " have the same number; keep one of them");
   const std::vector<NumberPlace> places = placesThatDiffer(slices);
   if (places.size() == 1 && places.front().isOf({"ch", "chan", "channel"}))
-    throw unusable(info.source,
-                   "its files are channels of one slice by their names; name the "
-                   "folder of a volume");
+    throw unusable(
+        info.source,
+        "its files are channels of one slice by their names; name the folder of a volume");
   const auto counting = countingPlace(slices, places);
   const std::size_t at = counting && !options.time && !options.channel
                              ? *counting

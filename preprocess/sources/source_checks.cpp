@@ -27,13 +27,11 @@ std::int64_t takeOne(const std::string& path, const std::string& kind,
                      std::optional<std::int64_t> wanted, std::int64_t count, VolumeInfo& info) {
   const std::int64_t taken = wanted.value_or(0);
   if (taken < 0 || taken >= count)
-    throw Error("'" + path + "' has the " + kind + "s 0 to " + std::to_string(count - 1) +
-                    ", and not " + std::to_string(taken) + "; choose one of these",
-                {.path = path});
+    throw fileError(path, "'", path, "' has the ", kind, "s 0 to ", count - 1, ", and not ", taken,
+                    "; choose one of these");
   if (count == 1) return 0;
-  info.encoding += (info.encoding.empty() ? "" : "; ") + kind + " " + std::to_string(taken);
-  if (!wanted)
-    info.notes.push_back("of " + std::to_string(count) + " " + kind + "s, the first was taken");
+  info.encoding += concat(info.encoding.empty() ? "" : "; ", kind, " ", taken);
+  if (!wanted) info.notes.push_back(concat("of ", count, " ", kind, "s, the first was taken"));
   return taken;
 }
 
@@ -41,10 +39,10 @@ void checkVoxelCounts(const std::string& path, const Index3& voxels) {
   const std::string counts = "it has " + indexText(voxels, " x ") + " voxels, and isobrick ";
   for (int axis = 0; axis < 3; ++axis) {
     if (voxels[axis] < 2)
-      throw unusable(path, counts + "needs at least 2 voxels per axis; choose a 3-D volume");
+      throw unusable(path, counts, "needs at least 2 voxels per axis; choose a 3-D volume");
     if (voxels[axis] > kMaxVoxelsPerAxis)
-      throw unusable(path, counts + "takes at most " + std::to_string(kMaxVoxelsPerAxis) +
-                               " per axis; check the dimensions or cut the volume");
+      throw unusable(path, counts, "takes at most ", kMaxVoxelsPerAxis,
+                     " per axis; check the dimensions or cut the volume");
   }
 }
 

@@ -1,4 +1,5 @@
-// How the voxels of a file are stored, and how they are delivered. Private to preprocess/sources/.
+// How the voxels of a file are stored, which of several values is taken, and how they are
+// delivered. Private to preprocess/sources/.
 #pragma once
 
 #include <algorithm>
@@ -6,9 +7,15 @@
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
+#include <memory>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <vector>
 
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -178,5 +185,23 @@ void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read
     }
   }
 }
+
+// Throws Error unless there is a choice of one of the values if voxels have several, and no choice
+// if they have one.
+void checkComponentChoice(const std::string& path, std::uint64_t components,
+                          const OpenOptions& options);
+
+// For volumes that never have several.
+void refuseComponentChoice(const std::string& path, const OpenOptions& options);
+
+// Applies a checked choice to the decoding in `stored` and to `info`, which otherwise describes
+// voxels with one value.
+void takeComponent(std::uint64_t components, const OpenOptions& options, StoredVoxels& stored,
+                   VolumeInfo& info);
+
+// The magnitude of voxels whose components are volumes of their own, one behind the other in a
+// file: `info` as takeComponent() made it. They are read in order, a row of each at a time.
+std::unique_ptr<VolumeSource> makeMagnitudeSource(
+    VolumeInfo info, std::vector<std::unique_ptr<VolumeSource>> components);
 
 }  // namespace isobrick

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "isobrick/preprocess/byte_order.h"
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 
@@ -100,11 +100,12 @@ Error TiffFile::failed() const {
   const std::string& path = file_.path();
   for (const char* const words : {"not supported", "not implemented", "Sorry", "annot handle"})
     if (message_.find(words) != std::string::npos)
-      return unusable(path, "libtiff says " + quotedText(message_, 150) +
-                                "; save it with LZW, ZIP or no compression");
-  return unreadable(path, (message_.empty() ? std::string("libtiff reports a failure")
-                                            : "libtiff says " + quotedText(message_, 150)) +
-                              "; check that the file is whole and not damaged");
+      return unusable(path, "libtiff says ", quotedText(message_, 150),
+                      "; save it with LZW, ZIP or no compression");
+  return unreadable(path,
+                    message_.empty() ? std::string("libtiff reports a failure")
+                                     : "libtiff says " + quotedText(message_, 150),
+                    "; check that the file is whole and not damaged");
 }
 
 template <typename T>
@@ -180,8 +181,7 @@ TiffForm TiffFile::form() const {
 std::string TiffFile::whyUnread(const TiffForm& form) const {
   const std::string otherwise = "; save it as grey ones of 8, 16 or 32 bits";
   if (form.kind == '?') return "its complex numbers are not read" + otherwise;
-  if (!form.type())
-    return "its numbers of " + std::to_string(form.bits) + " bits are not read" + otherwise;
+  if (!form.type()) return concat("its numbers of ", form.bits, " bits are not read", otherwise);
   const auto packing = tag<std::uint16_t>(TIFFTAG_COMPRESSION);
   if (TIFFIsCODECConfigured(packing) == 0)
     return "its packing (" + packingName(packing) +

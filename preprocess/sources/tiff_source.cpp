@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/sources/tiff_source.h"
-
 #include <algorithm>
 #include <cstring>
 #include <map>
@@ -8,14 +6,14 @@
 #include <utility>
 
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/length_units.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/one_grid.h"
+#include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/stored_file.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/sources/tiff_file.h"
 #include "isobrick/preprocess/sources/tiff_images.h"
-#include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
 
 namespace isobrick {
@@ -131,14 +129,13 @@ std::optional<std::size_t> sliceAxis(const TiffImage& image) {
 std::string imageText(const TiffImage& image) {
   std::string text = image.name.empty() ? "" : quotedText(image.name, 40) + " of ";
   if (!image.planes.empty())
-    text += std::to_string(image.planes.front().form.width) + " x " +
-            std::to_string(image.planes.front().form.height);
+    text += concat(image.planes.front().form.width, " x ", image.planes.front().form.height);
   for (const TiffAxis& axis : image.axes)
     if (axis.count > 1)
-      text += " x " + std::to_string(axis.count) +
-              (axis.name == 'C'   ? " channels"
-               : axis.name == 'T' ? " times"
-                                  : "");
+      text += concat(" x ", axis.count,
+                     axis.name == 'C'   ? " channels"
+                     : axis.name == 'T' ? " times"
+                                        : "");
   return text;
 }
 
@@ -149,8 +146,7 @@ const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImag
   std::vector<std::size_t> volumes;
   for (std::size_t i = 0; i < images.size(); ++i) {
     constexpr std::size_t kMostListed = 20;
-    if (i < kMostListed)
-      list += (i > 0 ? "; " : "") + std::to_string(i) + ": " + imageText(images[i]);
+    if (i < kMostListed) list += concat(i > 0 ? "; " : "", i, ": ", imageText(images[i]));
     if (i == kMostListed) list += "; ...";
     if (sliceAxis(images[i])) volumes.push_back(i);
   }
@@ -158,15 +154,14 @@ const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImag
   if (images.size() == 1 && !options.image) volumes = {0};
   if (volumes.size() != 1 || volumes.front() >= images.size())
     throw unusable(path,
-                   (volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
-                    : volumes.empty()   ? "none of its images is a volume"
-                                        : "it has several images") +
-                       " (" + list + ")",
-                   {Remedy::kChooseImage});
+                   volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
+                   : volumes.empty()   ? "none of its images is a volume"
+                                       : "it has several images",
+                   " (", list, ")", Remedy::kChooseImage);
   if (images.size() > 1) {
-    info.notes.push_back("of the images " + list + ", number " + std::to_string(volumes.front()) +
-                         " was taken");
-    info.encoding = "image " + std::to_string(volumes.front());
+    info.notes.push_back(
+        concat("of the images ", list, ", number ", volumes.front(), " was taken"));
+    info.encoding = concat("image ", volumes.front());
   }
   return images[volumes.front()];
 }
@@ -192,8 +187,8 @@ std::vector<TiffPage> choosePlanes(const std::string& path, const TiffImage& ima
     const bool is_time = axis.name == 'T' || (!has_meaning && options.time);
     auto& wanted = is_time ? options.time : options.channel;
     if (!has_meaning && !wanted)
-      throw unusable(path, "its planes (" + imageText(image) + ") have a further axis",
-                     {Remedy::kChooseVariant});
+      throw unusable(path, "its planes (", imageText(image), ") have a further axis",
+                     Remedy::kChooseVariant);
     first += takeOne(path, is_time ? "time step" : "channel", wanted, axis.count, info);
     wanted.reset();
   }
@@ -202,11 +197,10 @@ std::vector<TiffPage> choosePlanes(const std::string& path, const TiffImage& ima
   for (std::int64_t z = 0; z < image.axes[*slices].count; ++z) {
     planes.push_back(image.planes[static_cast<std::size_t>(first + z * step)]);
     if (planes.back().form.width == 0)
-      throw unusable(
-          path, "slice " + std::to_string(z) + " of this channel and time is in " +
-                    (image.lacks.empty()
+      throw unusable(path, "slice ", z, " of this channel and time is in ",
+                     image.lacks.empty()
                          ? "no page; get the whole file again"
-                         : quotedText(image.lacks, 80) + ", which is not beside it; put it there"));
+                         : quotedText(image.lacks, 80) + ", which is not beside it; put it there");
   }
   return planes;
 }
@@ -249,10 +243,9 @@ std::unique_ptr<VolumeSource> openSlices(VolumeInfo info, std::vector<std::strin
     const std::string& path = paths[slice.file];
     if (!slice.unread.empty()) throw unusable(path, slice.unread);
     if (slice.form != first.form)
-      throw unusable(
-          path,
-          "the size or the type of its pixels is not that of the first slice; keep only the "
-          "slices of one volume");
+      throw unusable(path,
+                     "the size or the type of its pixels is not that of the first slice; keep only "
+                     "the slices of one volume");
   }
   info.voxels = Index3(first.form.width, first.form.height, std::ssize(slices));
   checkVoxelCounts(info.source, info.voxels);
@@ -310,9 +303,8 @@ std::unique_ptr<VolumeSource> openTiffStack(VolumeInfo info, const std::vector<s
     std::vector<TiffPage> pages = TiffFile(path).pages(options);
     std::erase_if(pages, [](const TiffPage& page) { return page.is_smaller; });
     if (pages.size() != 1)
-      throw unusable(path, "it holds " + std::to_string(pages.size()) +
-                               " slices, but the folder is read as a stack of single ones; name "
-                               "that file");
+      throw unusable(path, "it holds ", pages.size(),
+                     " slices, but the folder is read as a stack of single ones; name that file");
     slices.push_back(std::move(pages.front()));
     slices.back().description.clear();
     slices.back().file = static_cast<std::uint32_t>(number);

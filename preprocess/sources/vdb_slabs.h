@@ -1,4 +1,5 @@
-// The voxels of an OpenVDB tree that does not fit into memory. Private to vdb_source.cpp.
+// The bytes of an OpenVDB file, and the voxels of a tree that does not fit into memory. Private to
+// vdb_source.cpp.
 #pragma once
 
 #include <openvdb/io/io.h>
@@ -12,10 +13,60 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
+
+// A file that reports its progress, and throws after a request to stop: the exception comes out of
+// OpenVDB's call through the stream. Skipping a few bytes, as in each of a million leaves, costs
+// nothing; seeking beyond the end fails.
+class WatchedFile final : public std::streambuf {
+ public:
+  // They outlive it.
+  WatchedFile(const InputFile& file, const OpenOptions& options) : file_(file), options_(options) {}
+
+ protected:
+  int_type underflow() override {
+    if (gptr() == egptr()) {
+      options_.checkCancel();
+      begin_ += static_cast<std::uint64_t>(egptr() - eback());
+      if (buffer_.empty()) buffer_.resize(kBufferBytes);
+      const std::size_t got = file_.readAt(begin_, buffer_.data(), buffer_.size());
+      setg(buffer_.data(), buffer_.data(), buffer_.data() + got);
+      if (got == 0) return traits_type::eof();
+      options_.report("loading grid",
+                      static_cast<double>(begin_) / static_cast<double>(file_.size()));
+    }
+    return traits_type::to_int_type(*gptr());
+  }
+  pos_type seekoff(off_type by, std::ios_base::seekdir from, std::ios_base::openmode) override {
+    const auto here = static_cast<off_type>(begin_) + (gptr() - eback());
+    const auto size = static_cast<off_type>(file_.size());
+    const off_type base = from == std::ios_base::beg ? 0 : from == std::ios_base::cur ? here : size;
+    off_type to = 0;
+    if (__builtin_add_overflow(by, base, &to) || to < 0 || to > size) return pos_type(off_type(-1));
+    const off_type in_buffer = to - static_cast<off_type>(begin_);
+    if (in_buffer >= 0 && in_buffer <= egptr() - eback()) {
+      setg(eback(), eback() + in_buffer, egptr());
+    } else {
+      begin_ = static_cast<std::uint64_t>(to);
+      setg(buffer_.data(), buffer_.data(), buffer_.data());
+    }
+    return to;
+  }
+  pos_type seekpos(pos_type to, std::ios_base::openmode mode) override {
+    return seekoff(to, std::ios_base::beg, mode);
+  }
+
+ private:
+  static constexpr std::size_t kBufferBytes = std::size_t{256} << 10;
+  const InputFile& file_;
+  const OpenOptions& options_;
+  std::vector<char> buffer_;
+  std::uint64_t begin_ = 0;  // of the buffer, in the file
+};
 
 // Memory as a file that is read.
 class MemoryStreamBuffer final : public std::streambuf {

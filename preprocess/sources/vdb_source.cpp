@@ -24,7 +24,6 @@
 #include "isobrick/preprocess/openvdb_library.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/vdb_slabs.h"
@@ -39,8 +38,9 @@ using openvdb::GridBase;
 // Text of a file or of OpenVDB, fit for a line of a message.
 std::string quoted(const std::string& text) { return quotedText(text, 100); }
 
-Error cannotUse(const std::string& path, const std::string& reason) {
-  return unusable(path, reason + "; write it again, or convert it to .nrrd or .mhd");
+template <typename... Parts>
+Error cannotUse(const std::string& path, const Parts&... reason) {
+  return unusable(path, reason..., "; write it again, or convert it to .nrrd or .mhd");
 }
 
 template <typename... Grids>
@@ -95,55 +95,6 @@ void copyVoxels(const Grid& grid, const IndexBox& box, void* out) {
     copyBox(grid, box, static_cast<typename Grid::ValueType*>(out));
 }
 
-// A file that reports its progress, and throws after a request to stop: the exception comes out of
-// OpenVDB's call through the stream. Skipping a few bytes, as in each of a million leaves, costs
-// nothing; seeking beyond the end fails.
-class WatchedFile final : public std::streambuf {
- public:
-  // They outlive it.
-  WatchedFile(const InputFile& file, const OpenOptions& options) : file_(file), options_(options) {}
-
- protected:
-  int_type underflow() override {
-    if (gptr() == egptr()) {
-      options_.checkCancel();
-      begin_ += static_cast<std::uint64_t>(egptr() - eback());
-      if (buffer_.empty()) buffer_.resize(kBufferBytes);
-      const std::size_t got = file_.readAt(begin_, buffer_.data(), buffer_.size());
-      setg(buffer_.data(), buffer_.data(), buffer_.data() + got);
-      if (got == 0) return traits_type::eof();
-      options_.report("loading grid",
-                      static_cast<double>(begin_) / static_cast<double>(file_.size()));
-    }
-    return traits_type::to_int_type(*gptr());
-  }
-  pos_type seekoff(off_type by, std::ios_base::seekdir from, std::ios_base::openmode) override {
-    const auto here = static_cast<off_type>(begin_) + (gptr() - eback());
-    const auto size = static_cast<off_type>(file_.size());
-    const off_type base = from == std::ios_base::beg ? 0 : from == std::ios_base::cur ? here : size;
-    off_type to = 0;
-    if (__builtin_add_overflow(by, base, &to) || to < 0 || to > size) return pos_type(off_type(-1));
-    const off_type in_buffer = to - static_cast<off_type>(begin_);
-    if (in_buffer >= 0 && in_buffer <= egptr() - eback()) {
-      setg(eback(), eback() + in_buffer, egptr());
-    } else {
-      begin_ = static_cast<std::uint64_t>(to);
-      setg(buffer_.data(), buffer_.data(), buffer_.data());
-    }
-    return to;
-  }
-  pos_type seekpos(pos_type to, std::ios_base::openmode mode) override {
-    return seekoff(to, std::ios_base::beg, mode);
-  }
-
- private:
-  static constexpr std::size_t kBufferBytes = std::size_t{256} << 10;
-  const InputFile& file_;
-  const OpenOptions& options_;
-  std::vector<char> buffer_;
-  std::uint64_t begin_ = 0;  // of the buffer, in the file
-};
-
 // A .vdb file, read front to back. OpenVDB's own io::File goes on with the bytes in memory if a
 // file ends too early; here the stream throws instead, and every byte is read at once rather than
 // at the first access, which would be long after the check of the file.
@@ -167,9 +118,8 @@ class VdbFile : private openvdb::io::Archive {
       readHeaders();
       chosen_ = &scalarGrid();
       if (entries_.size() > 1 && options_.grid.empty())
-        notes.push_back("of " + std::to_string(entries_.size()) + " grids, " +
-                        quoted(nameOf(*chosen_)) + " was taken; the others are " +
-                        namesText(chosen_));
+        notes.push_back(concat("of ", entries_.size(), " grids, ", quoted(nameOf(*chosen_)),
+                               " was taken; the others are ", namesText(chosen_)));
     });
   }
 
@@ -228,7 +178,7 @@ class VdbFile : private openvdb::io::Archive {
         leaf->readBuffers(in_, openvdb::CoordBBox(), stream_metadata_->halfFloat());
         const std::uint64_t end = here();
         if (end < places.back() || end - places.back() > kMostBytes)
-          throw cannotUse(path_, "it is damaged at byte " + std::to_string(places.back()));
+          throw cannotUse(path_, "it is damaged at byte ", places.back());
         places.push_back(end);
       }
       slabs = std::make_unique<VdbSlabs<Tree>>(tree, std::move(places), *stream_metadata_, input_);
@@ -265,15 +215,14 @@ class VdbFile : private openvdb::io::Archive {
   } catch (const std::bad_alloc&) {
     throw cannotUse(path_, "its grid does not fit into memory, or the file is damaged");
   } catch (const std::exception& error) {  // openvdb::Exception is one
-    throw cannotUse(path_, "OpenVDB reports " + quoted(error.what()));
+    throw cannotUse(path_, "OpenVDB reports ", quoted(error.what()));
   }
 
   void readHeaders() {
     readHeader(in_);
     if (fileVersion() > openvdb::OPENVDB_FILE_VERSION)
-      throw cannotUse(path_, "its format " + std::to_string(fileVersion()) +
-                                 " is newer than the library's, " +
-                                 std::to_string(openvdb::OPENVDB_FILE_VERSION));
+      throw cannotUse(path_, "its format ", fileVersion(), " is newer than the library's, ",
+                      openvdb::OPENVDB_FILE_VERSION);
     stream_metadata_->setSeekable(inputHasGridOffsets());
     openvdb::io::setStreamMetadataPtr(in_, stream_metadata_, false);
     setFormatVersion(in_);
@@ -291,9 +240,8 @@ class VdbFile : private openvdb::io::Archive {
       const std::int64_t end = entry.descriptor.getEndPos();
       // Never backwards: a damaged file would be read in circles.
       if (end < std::int64_t{in_.tellg()} || static_cast<std::uint64_t>(end) > bytes_)
-        throw cannotUse(path_, "it is cut short or damaged: its grid " +
-                                   quoted(entry.descriptor.gridName()) + " ends at byte " +
-                                   std::to_string(end) + " of " + std::to_string(bytes_));
+        throw cannotUse(path_, "it is cut short or damaged: its grid ",
+                        quoted(entry.descriptor.gridName()), " ends at byte ", end, " of ", bytes_);
       entry.descriptor.seekToEnd(in_);
     } else {  // it was written to a pipe: the only way to the next grid is through this one
       readGrid(entry.grid, entry.descriptor, in_);
@@ -336,12 +284,11 @@ class VdbFile : private openvdb::io::Archive {
         named = std::find_if(entries_.begin(), entries_.end(),
                              [&](const Entry& e) { return nameOf(e) == wanted; });
       if (named == entries_.end())
-        throw Error(
-            "'" + path_ + "' has no grid " + quoted(wanted) + "; it has " + namesText(nullptr),
-            {.path = path_});
+        throw fileError(path_, "'", path_, "' has no grid ", quoted(wanted), "; it has ",
+                        namesText(nullptr));
       if (isScalar(*named->grid)) return *named;
-      throw cannotUse(path_, "its grid " + quoted(wanted) + " is of the type " +
-                                 quoted(named->grid->valueType()) + ", which is no number");
+      throw cannotUse(path_, "its grid ", quoted(wanted), " is of the type ",
+                      quoted(named->grid->valueType()), ", which is no number");
     }
     const auto isFloat = [](const Entry& e) { return e.grid->isType<openvdb::FloatGrid>(); };
     auto chosen = std::find_if(entries_.begin(), entries_.end(), isFloat);
@@ -350,10 +297,10 @@ class VdbFile : private openvdb::io::Archive {
                             [](const Entry& e) { return isScalar(*e.grid); });
     if (chosen != entries_.end()) return *chosen;
     const Entry& first = entries_.front();
-    throw cannotUse(path_, "it has no grid of numbers (float, double, int32, int64, bool, mask); " +
-                               std::string("its ") + (entries_.size() > 1 ? "first" : "only") +
-                               " grid, " + quoted(first.descriptor.gridName()) +
-                               ", is of the type " + quoted(first.grid->valueType()));
+    throw cannotUse(
+        path_, "it has no grid of numbers (float, double, int32, int64, bool, mask); its ",
+        entries_.size() > 1 ? "first" : "only", " grid, ", quoted(first.descriptor.gridName()),
+        ", is of the type ", quoted(first.grid->valueType()));
   }
 
   void readVoxels(Entry& entry) {
@@ -398,8 +345,8 @@ class VdbFile : private openvdb::io::Archive {
       readVoxels(entry);
       return entry.grid;
     }
-    throw cannotUse(path_, "the grid whose voxels " + quoted(child.descriptor.gridName()) +
-                               " shares is missing");
+    throw cannotUse(path_, "the grid whose voxels ", quoted(child.descriptor.gridName()),
+                    " shares is missing");
   }
 
   std::string path_;
@@ -446,8 +393,8 @@ VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   if (const auto said = boxOfMetadata(grid, box)) return *said;
   if (box.empty())
-    throw unusable(path, "its grid " + quoted(grid.getName()) +
-                             " has no active voxels; choose a grid that is not empty");
+    throw unusable(path, "its grid ", quoted(grid.getName()),
+                   " has no active voxels; choose a grid that is not empty");
   VoxelBox result;
   for (int axis = 0; axis < 3; ++axis) {
     // 64-bit: the box may reach over all 32-bit coordinates.
@@ -465,9 +412,8 @@ VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
 GridGeometry geometryOf(const std::string& path, const GridBase& grid, const VoxelBox& box,
                         std::vector<std::string>& notes) {
   if (!grid.transform().isLinear())
-    throw cannotUse(path, "its grid " + quoted(grid.getName()) +
-                              " has a perspective (frustum) transform, and only linear ones are "
-                              "read");
+    throw cannotUse(path, "its grid ", quoted(grid.getName()),
+                    " has a perspective (frustum) transform, and only linear ones are read");
   const auto map = grid.transform().baseMap()->getAffineMap();
   const auto toGlm = [](const openvdb::Vec3d& v) { return glm::dvec3(v.x(), v.y(), v.z()); };
   GridGeometry geometry;

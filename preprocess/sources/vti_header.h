@@ -1,4 +1,5 @@
-// The XML of a VTK ImageData file. Private to preprocess/sources/.
+// What the headers of VTK ImageData files say, of XML (.vti, .pvti) and of legacy ones (.vtk).
+// Private to preprocess/sources/.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +7,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
-#include "isobrick/storage/error.h"
+#include "isobrick/preprocess/path_error.h"
 
 namespace isobrick {
 
@@ -44,11 +45,19 @@ struct VtiHeader {
 // Text of a file, fit for a line of a message.
 std::string inQuotes(const std::string& text);
 // "cannot use 'PATH': REASON; ...", with a remedy.
-Error cannotUseVti(const std::string& path, const std::string& reason);
+template <typename... Parts>
+Error cannotUseVti(const std::string& path, const Parts&... reason) {
+  return unusable(path, reason..., "; save it again with ParaView, or convert it to .nrrd or .mhd");
+}
 
 // Reads the tags of the file, with Expat, up to its appended data or its end; text between tags is
 // passed over. Throws Error, naming the byte, for anything but well-formed XML of the kind that VTK
 // writes: elements, attributes, comments and processing instructions.
 VtiHeader readVtiHeader(const InputFile& file);
+
+// As of a VTI file with the same arrays of points and cells, in one piece; their format is "ascii",
+// or "bare" for bytes in order of the network from VtiArray::text_at on. Bytes between headers are
+// passed over. Throws Error, naming the byte, for anything but STRUCTURED_POINTS.
+VtiHeader readVtkLegacyHeader(const InputFile& file);
 
 }  // namespace isobrick

@@ -1,19 +1,135 @@
 #include "isobrick/preprocess/sources/vti_voxels.h"
 
-#include <array>
-#include <utility>
+#include <lz4.h>
+#include <lzma.h>
 
-#include "isobrick/preprocess/byte_order.h"
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
-#include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/text_numbers.h"
-#include "isobrick/preprocess/sources/vti_blocks.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 
 namespace isobrick {
 namespace {
+
+// Unpacks a block, all of it, into exactly `out_bytes`; false if it has another size or is damaged.
+using UnpackVtiBlock = bool (*)(const std::byte* in, std::size_t in_bytes, std::byte* out,
+                                std::size_t out_bytes);
+
+struct VtiBlockLayout {
+  std::uint64_t block_bytes = 0;  // of each, unpacked, but for the last one
+  std::uint64_t total_bytes = 0;
+  std::size_t word_bytes = 8;  // of a number in the list of sizes
+  bool big_endian = false;
+};
+
+constexpr std::uint64_t kMostBlockBytes = std::uint64_t{1} << 30;
+
+bool unpackLz4(const std::byte* in, std::size_t in_bytes, std::byte* out, std::size_t out_bytes) {
+  return LZ4_decompress_safe(reinterpret_cast<const char*>(in), reinterpret_cast<char*>(out),
+                             static_cast<int>(in_bytes),
+                             static_cast<int>(out_bytes)) == static_cast<int>(out_bytes);
+}
+
+bool unpackLzma(const std::byte* in, std::size_t in_bytes, std::byte* out, std::size_t out_bytes) {
+  std::uint64_t memory_bytes = std::uint64_t{1} << 28;  // its dictionary takes 64 MiB at most
+  std::size_t taken = 0, made = 0;
+  return lzma_stream_buffer_decode(
+             &memory_bytes, 0, nullptr, reinterpret_cast<const std::uint8_t*>(in), &taken, in_bytes,
+             reinterpret_cast<std::uint8_t*>(out), &made, out_bytes) == LZMA_OK &&
+         made == out_bytes;
+}
+
+// Unpacks one block after the other. `sizes` has the packed size of each, `packed` the blocks.
+// Holds a block, packed and unpacked. Throws Error, naming `path`, if a block is damaged, cut
+// short, or larger than 1 GiB.
+class VtiBlocksStream final : public ByteStream {
+ public:
+  VtiBlocksStream(const std::string& path, std::unique_ptr<ByteStream> sizes,
+                  std::unique_ptr<ByteStream> packed, const VtiBlockLayout& layout,
+                  UnpackVtiBlock unpack)
+      : path_(path),
+        sizes_(std::move(sizes)),
+        packed_(std::move(packed)),
+        layout_(layout),
+        unpack_(unpack) {
+    if (std::min(layout_.block_bytes, layout_.total_bytes) > kMostBlockBytes)
+      throw unusable(path_,
+                     "its compressed blocks have more than 1 GiB; save it again with smaller ones");
+  }
+
+  std::size_t read(void* out, std::size_t bytes) override {
+    std::size_t got = 0;
+    while (got < bytes && (next_ < block_.size() || loadBlock())) {
+      const std::size_t part = std::min(bytes - got, block_.size() - next_);
+      std::memcpy(static_cast<std::byte*>(out) + got, block_.data() + next_, part);
+      next_ += part;
+      got += part;
+    }
+    return got;
+  }
+
+  std::uint64_t bufferBytes() const override {
+    return 2 * std::min(layout_.block_bytes, layout_.total_bytes) + sizes_->bufferBytes() +
+           packed_->bufferBytes();
+  }
+
+ private:
+  // False behind the last one.
+  bool loadBlock() {
+    content_bytes_ += block_.size();
+    if (content_bytes_ == layout_.total_bytes) return false;
+    block_.resize(static_cast<std::size_t>(
+        std::min(layout_.block_bytes, layout_.total_bytes - content_bytes_)));
+    next_ = 0;
+    std::array<std::byte, 8> word{};
+    if (sizes_->read(word.data(), layout_.word_bytes) != layout_.word_bytes)
+      throw failed("cut short");
+    const std::uint64_t bytes = loadUnsigned(word.data(), layout_.word_bytes, layout_.big_endian);
+    // None is much longer than what it holds.
+    if (bytes > 2 * kMostBlockBytes || bytes / 2 > block_.size() + 1024) throw failed("damaged");
+    in_.resize(static_cast<std::size_t>(bytes));
+    if (packed_->read(in_.data(), in_.size()) != in_.size()) throw failed("cut short");
+    if (!unpack_(in_.data(), in_.size(), block_.data(), block_.size())) throw failed("damaged");
+    return true;
+  }
+
+  Error failed(const std::string& how) const {
+    return unreadable(path_, "its compressed data are ", how, " after ", content_bytes_,
+                      " bytes of content; get the whole file again");
+  }
+
+  std::string path_;
+  std::unique_ptr<ByteStream> sizes_, packed_;
+  VtiBlockLayout layout_;
+  UnpackVtiBlock unpack_;
+  std::vector<std::byte> in_, block_;
+  std::size_t next_ = 0;             // in block_
+  std::uint64_t content_bytes_ = 0;  // of the blocks before
+};
+
+// Of a compressor by its name in the file, "vtkLZ4DataCompressor" or "vtkLZMADataCompressor"; null
+// for others.
+UnpackVtiBlock vtiUnpackerNamed(const std::string& compressor) {
+  if (compressor == "vtkLZ4DataCompressor") return unpackLz4;
+  if (compressor == "vtkLZMADataCompressor") return unpackLzma;
+  return nullptr;
+}
 
 constexpr const char* kZlibCompressor = "vtkZLibDataCompressor";
 
@@ -62,12 +178,12 @@ class VtiVoxels {
                                                     " of its appended data is unknown");
       is_base64_ = header_.appended_encoding == "base64";
       if (array_.offset > file_->size() - header_.appended_at)
-        throw cannotUseVti(file_->path(), "the offset " + std::to_string(array_.offset) +
-                                              " of its array lies behind the end of the file");
+        throw cannotUseVti(file_->path(), "the offset ", array_.offset,
+                           " of its array lies behind the end of the file");
       at_ = header_.appended_at + array_.offset;
     } else if (array_.format != "binary") {
-      throw cannotUseVti(file_->path(), "its voxels are in the format " + inQuotes(array_.format) +
-                                            ", and only appended, binary and ascii are known");
+      throw cannotUseVti(file_->path(), "its voxels are in the format ", inQuotes(array_.format),
+                         ", and only appended, binary and ascii are known");
     }
     const auto open = [&] {
       return is_base64_ ? makeBase64Stream(file_, at_) : makeFileStream(file_, at_);
@@ -94,7 +210,7 @@ class VtiVoxels {
     RawRun run;
     run.path = run.header_path = file_->path();
     run.offset_bytes = at_;
-    return openRawRun(std::move(info), run, stored_, cancel_);
+    return openRawRun(std::move(info), run, stored_);
   }
 
   std::unique_ptr<VolumeSource> openBlocks(VolumeInfo info, std::uint64_t blocks) {
@@ -113,23 +229,24 @@ class VtiVoxels {
     // are at most as many blocks as bytes in the file: no product overflows.
     if (blocks > file_->size() / wordBytes() ||
         skipBytes(*stream_, blocks * wordBytes()) != blocks * wordBytes())
-      throw cannotUseVti(file_->path(),
-                         "its list of " + std::to_string(blocks) + " blocks is cut short");
-    auto unpacked =
-        header_.compressor == kZlibCompressor
-            ? makeInflateBlocksStream(file_->path(), std::move(stream_), block_bytes, need_bytes_)
-            : makeVtiBlocksStream(file_->path(), std::move(sizes_), std::move(stream_),
-                                  {block_bytes, need_bytes_, static_cast<std::size_t>(wordBytes()),
-                                   stored_.big_endian},
-                                  vtiUnpackerNamed(header_.compressor));
+      throw cannotUseVti(file_->path(), "its list of ", blocks, " blocks is cut short");
+    std::unique_ptr<ByteStream> unpacked;
+    if (header_.compressor == kZlibCompressor)
+      unpacked =
+          makeInflateBlocksStream(file_->path(), std::move(stream_), block_bytes, need_bytes_);
+    else
+      unpacked = std::make_unique<VtiBlocksStream>(
+          file_->path(), std::move(sizes_), std::move(stream_),
+          VtiBlockLayout{block_bytes, need_bytes_, static_cast<std::size_t>(wordBytes()),
+                         stored_.big_endian},
+          vtiUnpackerNamed(header_.compressor));
     return openStream(std::move(info), stored_, std::move(unpacked), 0, {file_->path()}, {},
                       cancel_);
   }
 
   Error wrongSize(const std::string& have) const {
-    return cannotUseVti(file_->path(), "its array " + inQuotes(array_.name) + " has " + have +
-                                           " bytes and its " + "extent needs " +
-                                           std::to_string(need_bytes_));
+    return cannotUseVti(file_->path(), "its array ", inQuotes(array_.name), " has ", have,
+                        " bytes and its extent needs ", need_bytes_);
   }
 
   std::shared_ptr<const InputFile> file_;

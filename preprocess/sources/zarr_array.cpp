@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "isobrick/preprocess/byte_order.h"
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -79,9 +79,8 @@ std::string codecName(const Json& codec) {
 nlohmann::json readZarrJson(const std::string& path) {
   const StoreFile file(path);
   if (file.size() > kMostJsonBytes)
-    throw unreadable(path,
-                     "it has " + std::to_string(file.size()) +
-                         " bytes, too many for the metadata of a Zarr store; check what it is");
+    throw unreadable(path, "it has ", file.size(),
+                     " bytes, too many for the metadata of a Zarr store; check what it is");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   text.resize(file.readAt(0, text.data(), text.size()));
   Json json = parseShallowJson(text);
@@ -104,8 +103,8 @@ ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
 }
 
 void ZarrArray::refuse(const std::string& reason) const {
-  throw unusable(metadata_path_,
-                 reason + "; write the array again with what isobrick reads (docs/FORMATS.md)");
+  throw unusable(metadata_path_, reason,
+                 "; write the array again with what isobrick reads (docs/FORMATS.md)");
 }
 
 void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
@@ -401,8 +400,8 @@ void ZarrArray::throwIfStoreWentAway() const {
 // it is not stored.
 std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, std::size_t shard,
                                                          ByteRun run, const Indices& index) const {
-  const auto damaged = [&](const std::string& why) {
-    return unreadable(file.path(), why + "; get the whole store again");
+  const auto damaged = [&](const auto&... why) {
+    return unreadable(file.path(), why..., "; get the whole store again");
   };
   const Indices count = chunksOf(shard);
   std::int64_t row = 0;
@@ -435,16 +434,15 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
     return false;
   }
   const StoreFile file(path);
-  const auto damaged = [&](const std::string& why) {
-    return unreadable(path, why + "; get the whole store again");
+  const auto damaged = [&](const auto&... why) {
+    return unreadable(path, why..., "; get the whole store again");
   };
   std::optional<ByteRun> run = ByteRun{0, file.size()};
   for (std::size_t shard = 0; run && shard < shards_.size(); ++shard)
     run = findInShard(file, shard, *run, index);
   if (!run) return false;
   if (run->bytes > mostPackedBytes(filteredChunkBytes()) + 64)
-    throw damaged("a chunk takes " + std::to_string(run->bytes) + " bytes there, and unpacked " +
-                  std::to_string(storedChunkBytes()));
+    throw damaged("a chunk takes ", run->bytes, " bytes there, and unpacked ", storedChunkBytes());
   out.resize(static_cast<std::size_t>(run->bytes));
   if (file.readAt(run->offset, out.data(), out.size()) != out.size())
     throw damaged("it became shorter meanwhile");
@@ -454,7 +452,7 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
 void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
                        std::vector<std::byte>& out) const {
   const auto fail = [&](const std::string& why) {
-    throw unreadable(path, why + "; get the whole store again");
+    throw unreadable(path, why, "; get the whole store again");
   };
   const auto takeChecksums = [&](std::vector<std::byte>& bytes, int count) {
     for (int i = 0; i < count; ++i) {

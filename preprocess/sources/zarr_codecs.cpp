@@ -10,14 +10,15 @@
 #include <bit>
 #include <cstring>
 
-#include "isobrick/preprocess/byte_order.h"
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 
 namespace isobrick {
 namespace {
 
 std::string wrongSize(std::size_t expected) {
-  return "it does not unpack to the " + std::to_string(expected) + " bytes of a chunk";
+  return concat("it does not unpack to the ", expected, " bytes of a chunk");
 }
 
 // The decoder of BloscLZ adds up the bytes of 255 that lengthen a run in an int, which overflows

@@ -1,6 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <list>
+#include <map>
+#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -8,14 +11,11 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/recent_cache.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
-#include "isobrick/preprocess/sources/zarr_group.h"
 #include "isobrick/preprocess/sources/zarr_store.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
@@ -25,12 +25,54 @@
 namespace isobrick {
 namespace {
 
+// Vectors of T by key. Thread-safe.
+template <typename Key, typename T>
+class RecentCache {
+ public:
+  using Value = std::shared_ptr<const std::vector<T>>;
+
+  // Kept values take up to `budget_bytes`, or are one value.
+  explicit RecentCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
+
+  // Null: it is not there.
+  Value find(const Key& key) {
+    const std::lock_guard lock(mutex_);
+    const auto found = places_.find(key);
+    if (found == places_.end()) return nullptr;
+    values_.splice(values_.end(), values_, found->second);
+    return found->second->second;
+  }
+  // If two threads made the same value, that of the first is kept.
+  void add(const Key& key, Value value) {
+    const std::lock_guard lock(mutex_);
+    if (places_.contains(key)) return;
+    held_bytes_ += value->size() * sizeof(T);
+    values_.emplace_back(key, std::move(value));
+    places_[key] = std::prev(values_.end());
+    while (held_bytes_ > budget_bytes_ && values_.size() > 1) {
+      held_bytes_ -= values_.front().second->size() * sizeof(T);
+      places_.erase(values_.front().first);
+      values_.pop_front();
+    }
+  }
+
+ private:
+  using Values = std::list<std::pair<Key, Value>>;
+
+  const std::uint64_t budget_bytes_;
+  std::mutex mutex_;  // guards all below
+  Values values_;     // the one used last at the end
+  std::map<Key, typename Values::iterator> places_;
+  std::uint64_t held_bytes_ = 0;
+};
+
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using Indices = ZarrArray::Indices;
 
-Error cannotUse(const std::string& path, const std::string& reason) {
-  return unusable(path, reason + "; correct its metadata");
+template <typename... Parts>
+Error cannotUse(const std::string& path, const Parts&... reason) {
+  return unusable(path, reason..., "; correct its metadata");
 }
 
 // A list of transformations as a map of an index along each axis: scale * index + translation.
@@ -49,10 +91,10 @@ Placement placementOf(const std::string& path, const Json& transformations, std:
     if (type == "identity") continue;
     const Json& numbers = member(step, type.c_str());
     if ((type != "scale" && type != "translation") || !numbers.is_array() || numbers.size() != axes)
-      throw cannotUse(path, "its coordinate transformation " + quotedText(type, 40) +
-                                " is no scale or translation of all axes");
+      throw cannotUse(path, "its coordinate transformation ", quotedText(type, 40),
+                      " is no scale or translation of all axes");
     for (std::size_t i = 0; i < axes; ++i) {
-      if (!numbers[i].is_number()) throw cannotUse(path, "its " + type + " has what is no number");
+      if (!numbers[i].is_number()) throw cannotUse(path, "its ", type, " has what is no number");
       const double number = numbers[i].get<double>();
       if (type == "scale") {
         result.scale[i] *= number;
@@ -225,7 +267,7 @@ class ZarrOpener {
     nameAxes(array);
     info.notes = std::move(notes_);
     info.format = multiscale_.is_null() ? "Zarr" : "OME-Zarr";
-    if (options_.image) info.encoding = "image " + std::to_string(*options_.image);
+    if (options_.image) info.encoding = concat("image ", *options_.image);
     const std::array<std::size_t, 3> axes = spaceAxes();
     for (int axis = 0; axis < 3; ++axis) info.voxels[axis] = array.shape()[axes[axis]];
     checkVoxelCounts(path_, info.voxels);
@@ -257,8 +299,8 @@ class ZarrOpener {
       dataset_ = datasets.front();
       const std::string name = textOf(member(dataset_, "path"));
       if (!leadsDown(name))
-        throw cannotUse(
-            path_, "the name of its level, " + quotedText(name, 60) + ", leads out of the store");
+        throw cannotUse(path_, "the name of its level, ", quotedText(name, 60),
+                        ", leads out of the store");
       array_path_ = path_ + "/" + name;
       return;
     }
@@ -287,11 +329,11 @@ class ZarrOpener {
     if (images.is_null()) return false;
     const std::int64_t number = is_chosen_ ? 0 : options_.image.value_or(0);
     if (static_cast<std::uint64_t>(number) >= images.size())
-      throw cannotUse(path_, "it has " + std::to_string(images.size()) + " images, and no image " +
-                                 std::to_string(number) + " (counted from 0)");
+      throw cannotUse(path_, "it has ", images.size(), " images, and no image ", number,
+                      " (counted from 0)");
     multiscale_ = images[static_cast<std::size_t>(number)];
     if (images.size() > 1 && !options_.image)
-      notes_.push_back("of " + std::to_string(images.size()) + " images, the first was taken");
+      notes_.push_back(concat("of ", images.size(), " images, the first was taken"));
     return true;
   }
 
@@ -325,8 +367,8 @@ class ZarrOpener {
       names_.assign(kUsual.end() - static_cast<std::ptrdiff_t>(count), kUsual.end());
     }
     if (names_.size() != count)
-      throw cannotUse(array_path_, "it has " + std::to_string(count) + " axes and " +
-                                       std::to_string(names_.size()) + " names for them");
+      throw cannotUse(array_path_, "it has ", count, " axes and ", names_.size(),
+                      " names for them");
     for (std::string& name : names_) {
       name = lowercase(name);
       if (name == "time") name = "t";
@@ -355,9 +397,8 @@ class ZarrOpener {
       list += (i > 0 ? ", " : "") + quotedText(names_[i], 40);
     }
     if (found.size() != 3)
-      throw cannotUse(
-          array_path_,
-          "isobrick needs three axes of space, x, y and z, and it has the axes " + list);
+      throw cannotUse(array_path_,
+                      "isobrick needs three axes of space, x, y and z, and it has the axes ", list);
     return {found[2], found[1], found[0]};
   }
 
@@ -375,24 +416,21 @@ class ZarrOpener {
       const std::int64_t count = array.shape()[i];
       if (std::exchange(is_time ? has_time : has_channel, true)) {
         if (count > 1)
-          throw cannotUse(array_path_, "its axis " + quotedText(names_[i], 40) + " has " +
-                                           std::to_string(count) +
-                                           " indices besides those of another axis, of which none "
-                                           "can be chosen");
+          throw cannotUse(array_path_, "its axis ", quotedText(names_[i], 40), " has ", count,
+                          " indices besides those of another axis, of which none can be chosen");
         continue;
       }
       const auto& wanted = is_time ? options_.time : options_.channel;
       const std::string kind = is_time ? "time step" : "channel";
       fixed[i] = wanted.value_or(0);
       if (fixed[i] < 0 || fixed[i] >= count)
-        throw Error("'" + path_ + "' has the " + kind + "s 0 to " + std::to_string(count - 1) +
-                        ", and not " + std::to_string(fixed[i]) + "; choose one of these",
-                    {.path = path_});
+        throw fileError(path_, "'", path_, "' has the ", kind, "s 0 to ", count - 1, ", and not ",
+                        fixed[i], "; choose one of these");
       if (wanted || count > 1)
         info.encoding +=
             (info.encoding.empty() ? "" : "; ") + kind + " " + std::to_string(fixed[i]);
       if (!wanted && count > 1)
-        info.notes.push_back("of " + std::to_string(count) + " " + kind + "s, the first was taken");
+        info.notes.push_back(concat("of ", count, " ", kind, "s, the first was taken"));
     }
     // An axis that is not there has the index 0, as in other formats.
     refuseChoice(options_.time.value_or(0) != 0 && !has_time, "time step");
@@ -402,7 +440,7 @@ class ZarrOpener {
 
   void refuseChoice(bool is_idle, const std::string& kind) const {
     if (is_idle)
-      throw unusable(path_, "it has no axis of " + kind + "s; leave out the choice of one");
+      throw unusable(path_, "it has no axis of ", kind, "s; leave out the choice of one");
   }
 
   void place(VolumeInfo& info, const std::array<std::size_t, 3>& axes) const {

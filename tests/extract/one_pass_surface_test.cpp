@@ -8,7 +8,6 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/preprocess/brick_stream.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
-#include "isobrick/preprocess/voxel_array.h"
 #include "tests/extract/random_case.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/repetitions.h"

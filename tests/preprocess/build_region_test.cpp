@@ -1,9 +1,8 @@
 // A super-brick's build reads and passes on what the whole pyramid's does there, and little
 // more than itself.
-#include "isobrick/preprocess/build_region.h"
-
 #include <gtest/gtest.h>
 
+#include "isobrick/preprocess/build_plan.h"
 #include "isobrick/preprocess/kernels/low_pass.h"
 #include "isobrick/storage/index_loop.h"
 #include "tests/support/random_numbers.h"

@@ -1,15 +1,19 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 
+#include <filesystem>
 #include <memory>
 #include <string_view>
 
+#include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/source_views.h"
+#include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/scratch_source.h"
+#include "isobrick/preprocess/scratch_volume.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -58,9 +62,8 @@ void refuseLoss(const ValueLoss& loss, const std::string& path, const ExportOpti
   constexpr double kMostLoss = 1e-3;  // of the range
   if (options.is_lossy || loss.changed() == 0 || loss.mostChange() <= kMostLoss * loss.range())
     return;
-  throw Error("cannot write '" + path + "': " + loss.text() +
-                  "; choose a format that has float64, such as .nrrd, or allow the loss",
-              {.path = path});
+  throw fileError(path, "cannot write '", path, "': ", loss.text(),
+                  "; choose a format that has float64, such as .nrrd, or allow the loss");
 }
 
 }  // namespace
@@ -82,17 +85,16 @@ std::vector<WritableFormat> writableFormats() {
 void refuseUnknownExport(const std::string& path, bool has_levels) {
   const ExportFormat* const format = formatOf(path);
   if (format != nullptr && format->write == nullptr)
-    throw unwritable(path, std::string("this isobrick was built without ") + format->library +
-                               "; build it anew with that, or choose another format");
+    throw unwritable(path, "this isobrick was built without ", format->library,
+                     "; build it anew with that, or choose another format");
   if (format == nullptr && !isPlainVolumeName(path))
     throw unwritable(
         path,
-        "its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, .exr, "
-        ".tif, .nrrd, .mhd, .mha, .nii, .nii.gz, .vti, .raw); choose one of them");
+        "its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, .exr, .tif, "
+        ".nrrd, .mhd, .mha, .nii, .nii.gz, .vti, .raw); choose one of them");
   if (has_levels && (format == nullptr || !format->has_levels))
-    throw Error("cannot write all levels to '" + path + "': this format has one; choose " +
-                    "one of them, or write .vdb or .ome.zarr",
-                {.path = path});
+    throw fileError(path, "cannot write all levels to '", path,
+                    "': this format has one; choose one of them, or write .vdb or .ome.zarr");
 }
 
 VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
@@ -110,6 +112,52 @@ VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
   VolumeWriteReport report = format != nullptr ? format->write(levels, path, checked)
                                                : writeVolume(*levels.front(), path, checked);
   if (loss->changed() > 0) report.lost.push_back(loss->text());
+  return report;
+}
+
+bool isSlicePattern(const std::string& path) {
+  return std::filesystem::path(path).filename().string().find('%') != std::string::npos;
+}
+
+void refuseLargeSlices(const VolumeInfo& info, const std::string& path,
+                       const ExportOptions& options) {
+  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
+  if (slice_bytes > options.memory_bytes)
+    throw unwritable(path, "a slice takes ", (slice_bytes >> 20) + 1, " MiB",
+                     Remedy::kAllowMoreMemory);
+}
+
+void forEachSlice(VolumeSource& source, const ExportOptions& options,
+                  const std::function<void(std::int64_t slice, const std::byte* data)>& take) {
+  const VolumeInfo& info = source.info();
+  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
+  forEachRun(source, options, [&](std::int64_t row, std::int64_t rows, const std::byte* data) {
+    for (std::int64_t end = row + rows; row < end; row += info.voxels.y, data += slice_bytes) {
+      checkCancel(options);
+      take(row / info.voxels.y, data);
+    }
+  });
+}
+
+VolumeWriteReport writeSlices(
+    VolumeLevels& levels, const std::string& pattern, const ExportOptions& options,
+    const std::function<void(const std::string& path, const std::byte* slice)>& write) {
+  const std::optional<NumberedFiles> files = parseNumberedFiles(pattern);
+  if (!files)
+    throw unwritable(pattern,
+                     "slices go into a folder of their own, and their name has one place for the "
+                     "number; write as folder/%04d",
+                     std::filesystem::path(pattern).extension().string());
+  refuseLargeSlices(levels.front()->info(), pattern, options);
+  AtomicFolder folder(files->folder);
+  VolumeWriteReport report;
+  forEachSlice(*levels.front(), options, [&](std::int64_t slice, const std::byte* data) {
+    const std::string file = folder.temporaryPath() + "/" + files->name.of(slice);
+    write(file, data);
+    report.bytes += fileBytes(file);
+  });
+  if (options.before_publishing) options.before_publishing();
+  folder.commit(options.cancel);
   return report;
 }
 

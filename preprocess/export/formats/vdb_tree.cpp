@@ -254,11 +254,10 @@ std::uint64_t mostNodeBytes(const VolumeInfo& info) {
 
 Error tooManyLeaves(const VolumeSource& source, const std::string& path) {
   const std::uint64_t most = mostNodeBytes(source.info()) + kThreadBytes + source.bufferBytes();
-  return unwritable(path,
-                    "the nodes of its tree take up to " + std::to_string((most >> 20) + 1) +
-                        " MiB, which is more than is allowed; write a coarser level or a box, or "
-                        "store less with a background and a tolerance",
-                    {Remedy::kAllowMoreMemory});
+  return unwritable(path, "the nodes of its tree take up to ", (most >> 20) + 1,
+                    " MiB, which is more than is allowed; write a coarser level or a box, or store "
+                    "less with a background and a tolerance",
+                    Remedy::kAllowMoreMemory);
 }
 
 // What the memory is for: so many rows of nodes at once, and leaves of the tree.
@@ -285,10 +284,8 @@ constexpr std::int64_t kMostFileBytes = std::int64_t{1} << 62;
 void VdbGridPlan::refuseBeyondHalf(float value, const std::string& path) const {
   constexpr float kFirstInfinite = 65520;  // as a half; lower values are rounded to 65504
   if (!(std::abs(value) >= kFirstInfinite) || std::isinf(value)) return;
-  throw unwritable(path,
-                   "the value " + numberText(static_cast<double>(value)) +
-                       " is beyond half floats, which end at 65504",
-                   {Remedy::kWholeFloats});
+  throw unwritable(path, "the value ", numberText(static_cast<double>(value)),
+                   " is beyond half floats, which end at 65504", Remedy::kWholeFloats);
 }
 
 VdbPackedLeaves::VdbPackedLeaves(const std::string& folder)

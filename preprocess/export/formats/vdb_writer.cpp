@@ -59,7 +59,7 @@ VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOpti
   plan.level = static_cast<int>(level);
   plan.name = propertyOf(info, "name");
   if (plan.name.empty()) plan.name = "density";
-  if (level > 0) plan.name += "_level" + std::to_string(level);
+  if (level > 0) plan.name += concat("_level", level);
   // Halves hold whole numbers up to 2048.
   plan.saves_half = options.vdb_half || voxelBytes(info.voxel_type) == 1;
   plan.tolerance = static_cast<float>(options.vdb_tolerance);

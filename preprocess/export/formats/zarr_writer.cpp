@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -93,7 +94,8 @@ bool fillChunk(const VolumeSource& source, const Index3& first, std::vector<T>& 
   source.readBox(box, to.data());
   const bool is_empty = std::all_of(to.begin(), to.end(), [](T v) { return v == T{}; });
   if (is_whole || is_empty) return !is_empty;
-  chunk.assign(static_cast<std::size_t>(kZarrChunkVoxels * kChunkVoxels * kChunkVoxels), T{});
+  chunk.assign(static_cast<std::size_t>(kZarrChunkVoxels * kZarrChunkVoxels * kZarrChunkVoxels),
+               T{});
   copyBox(SampleBlock<T>::dense(inside.data(), box), box, chunk.data(),
           {first, Index3(kZarrChunkVoxels)});
   return true;
@@ -116,7 +118,7 @@ class LevelWriter {
     // A row of chunks at a time: they are neighbours in the source, and in one folder.
     isolatedFor(std::int64_t{0}, chunks.y * chunks.z, [&](std::int64_t row) {
       const std::int64_t y = row % chunks.y, z = row / chunks.y;
-      const std::string folder = std::to_string(z) + "/" + std::to_string(y);
+      const std::string folder = concat(z, "/", y);
       bool has_folder = false;
       visitNumberType(info.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;

@@ -12,7 +12,7 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/length_units.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"

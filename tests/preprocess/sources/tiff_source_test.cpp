@@ -1,6 +1,4 @@
 // TIFF pictures of all forms have the numbers that were written.
-#include "isobrick/preprocess/sources/tiff_source.h"
-
 #include <gtest/gtest.h>
 #include <tiffio.h>
 
