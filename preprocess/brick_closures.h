@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
-#include "isobrick/storage/table_rows.h"
+#include "isobrick/storage/brick_table.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "isobrick/preprocess/brick_window.h"
-#include "isobrick/storage/super_bricks.h"
+#include "isobrick/storage/pyramid_division.h"
 
 namespace isobrick {
 

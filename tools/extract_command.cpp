@@ -13,7 +13,7 @@
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/extract_surface.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
 #include "tools/component_list.h"
 

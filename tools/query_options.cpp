@@ -15,7 +15,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"

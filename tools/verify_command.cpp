@@ -5,7 +5,7 @@
 #include <string>
 
 #include "isobrick/storage/pyramid_verify.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"

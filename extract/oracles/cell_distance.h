@@ -1,9 +1,23 @@
-// How far cells are from a point.
+// How far cells are from a point, and how far cells of a level reach.
 #pragma once
+
+#include <algorithm>
+#include <cmath>
 
 #include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
+
+// Diagonals of voxel cells are enlarged by a millionth: at the contradiction on which the proof of
+// rule 3 ends, both sides can be equal, and rounding must not turn that into a pair of leaves two
+// levels apart.
+inline constexpr double kDiagonalRoom = 1.0 + 0x1p-20;
+
+// Eq. 1 of the paper solved for the distance: cells of `level` that are closer than this to the
+// part of space that is to be finest are refined. `diagonal`: with its room.
+inline double refinedWithin(int level, double diagonal) {
+  return diagonal * (3.0 * std::ldexp(1.0, level - 1) - 1.0);
+}
 
 // The squared distances of the centres of a row's cells along x from a point, in voxels. Cells
 // count as full cubes, also at the border, which makes them thin.
@@ -41,6 +55,22 @@ struct DistanceBounds {
   double least = 0;
   double greatest = 0;
 };
-DistanceBounds squaredDistanceBounds(const glm::dvec3& point, int level, const IndexBox& cells);
+inline DistanceBounds squaredDistanceBounds(const glm::dvec3& point, int level,
+                                            const IndexBox& cells) {
+  const double edge = static_cast<double>(std::int64_t{1} << level);
+  DistanceBounds bounds;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = (static_cast<double>(cells.first[axis]) + 0.5) * edge - point[axis];
+    const double high = (static_cast<double>(cells.end()[axis]) - 0.5) * edge - point[axis];
+    // No branches: which side the point is on changes from call to call.
+    const double near = std::max(std::max(low, -high), 0.0);
+    const double far = std::max(-low, high);
+    bounds.least += near * near;
+    bounds.greatest += far * far;
+  }
+  bounds.least *= 1 - 1e-6;
+  bounds.greatest *= 1 + 1e-6;
+  return bounds;
+}
 
 }  // namespace isobrick

@@ -10,7 +10,7 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/usable_geometry.h"
+#include "isobrick/storage/stored_grid.h"
 
 namespace isobrick {
 namespace {

@@ -8,7 +8,7 @@
 #include "isobrick/preprocess/sources/hdf5_objects.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/name_of_hdf5.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {

@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <vector>
 
-#include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
+#include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
 #include "isobrick/storage/index_loop.h"
 

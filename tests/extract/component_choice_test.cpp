@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "isobrick/extract/sinks/indexed_mesh.h"
-#include "isobrick/extract/sinks/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_parts.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/mesh_components.h"

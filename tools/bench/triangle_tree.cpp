@@ -11,7 +11,7 @@
 #include <limits>
 #include <utility>
 
-#include "isobrick/extract/sinks/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_parts.h"
 
 namespace isobrick {
 namespace {

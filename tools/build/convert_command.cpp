@@ -19,7 +19,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_file.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/build/build_one.h"
 #include "tools/build/convert_output.h"
 #include "tools/build/fitting_options.h"

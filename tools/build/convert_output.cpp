@@ -6,7 +6,6 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/name_of_hdf5.h"
 #include "tools/output_check.h"
 
 namespace isobrick {
