@@ -13,7 +13,6 @@
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
-#include "tools/loss_warnings.h"
 #include "tools/output_check.h"
 
 namespace isobrick {

@@ -20,9 +20,7 @@
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -12,8 +12,7 @@
 #include "tools/line_words.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {

@@ -158,7 +158,7 @@ struct CellWords {
                               (corners[4] & corners[5] & corners[6] & corners[7]);
     return any & ~all & cells;
   }
-  // Cells with corners of both kinds on face `face` (cell_topology.h).
+  // Cells with corners of both kinds on face `face` (contour.h).
   std::uint64_t crossed(int face) const {
     const int axis = face / 2, first = face % 2 << axis;
     const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3;

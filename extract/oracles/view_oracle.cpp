@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "isobrick/extract/kernels/row_bits.h"
-#include "isobrick/extract/oracles/cell_distance.h"
+#include "isobrick/extract/oracles/coverage.h"
 
 namespace isobrick {
 

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "isobrick/extract/shares/share_format.h"
-#include "isobrick/extract/sinks/byte_pointer.h"
+#include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/checksum.h"

@@ -8,7 +8,7 @@
 #include "isobrick/storage/error.h"
 #include "tools/bench/process_memory.h"
 #include "tools/json_output.h"
-#include "tools/stopwatch.h"
+#include "tools/progress_bar.h"
 
 namespace isobrick {
 namespace {

@@ -28,9 +28,7 @@
 #include "tools/command.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

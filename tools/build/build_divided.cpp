@@ -17,8 +17,8 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/output_check.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
+#include "tools/progress_bar.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {
