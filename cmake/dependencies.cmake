@@ -63,9 +63,9 @@ else()
   list(APPEND switched_off_sources "/hdf5_[a-z_]*\\.cpp$")
 endif()
 
-# 7.85: protocols by name. Only storage/remote/http_transfers.cpp includes it.
+# 7.88: signatures of S3 that take in all headers. Only storage/remote/http_transfers.cpp includes it.
 if(ISOBRICK_WITH_HTTP)
-  pkg_check_modules(CURL REQUIRED IMPORTED_TARGET libcurl>=7.85)
+  pkg_check_modules(CURL REQUIRED IMPORTED_TARGET libcurl>=7.88)
 else()
   list(APPEND switched_off_sources "/remote/(http|s3)_[a-z0-9_]*\\.cpp$")
 endif()

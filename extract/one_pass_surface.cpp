@@ -4,9 +4,8 @@
 
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/session/mesh_pipeline.h"
-#include "isobrick/extract/session/query_check.h"
 #include "isobrick/extract/session/query_context.h"
-#include "isobrick/extract/session/surface_joiner.h"
+#include "isobrick/extract/session/surface_writer.h"
 
 namespace isobrick {
 

@@ -15,8 +15,8 @@
 #include "isobrick/preprocess/scratch_volume.h"
 #include "isobrick/preprocess/voxel_statistics.h"
 #include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/brick_table.h"
 #include "isobrick/storage/pyramid_writer.h"
-#include "isobrick/storage/table_rows.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {

@@ -7,8 +7,8 @@
 #include "isobrick/preprocess/brick_window.h"
 #include "isobrick/preprocess/scratch_volume.h"
 #include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/pyramid_info.h"
-#include "isobrick/storage/super_bricks.h"
 
 namespace isobrick {
 

@@ -10,7 +10,7 @@
 #include <ctime>
 #include <string>
 
-#include "isobrick/storage/open_descriptor.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 

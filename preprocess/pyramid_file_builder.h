@@ -5,7 +5,7 @@
 #include <string>
 
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/storage/super_bricks.h"
+#include "isobrick/storage/pyramid_division.h"
 
 namespace isobrick {
 

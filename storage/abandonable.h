@@ -1,14 +1,19 @@
-// Waits for a library call that cannot be interrupted.
+// Work that cannot be interrupted, on threads that a caller may stop waiting for.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <cstddef>
+#include <deque>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "isobrick/storage/error.h"
 
@@ -65,5 +70,32 @@ auto runAbandonable(const CancelFlag* cancel, Work work) {
   if (shared->failure) std::rethrow_exception(shared->failure);
   return std::move(*shared->result);
 }
+
+// Jobs are begun in their order, on threads that stay. The destructor drops jobs that have not
+// begun and waits for the others. All members are thread-safe.
+class LoadThreads {
+ public:
+  // Enough for reads that wait for a disk, and for unpacking on all cores.
+  explicit LoadThreads(std::size_t most_threads = std::max(16u,
+                                                           std::thread::hardware_concurrency()))
+      : most_threads_(most_threads) {}
+  ~LoadThreads();
+  LoadThreads(const LoadThreads&) = delete;
+  LoadThreads& operator=(const LoadThreads&) = delete;
+
+  // `job` throws nothing. False if there is no thread or no memory for it; then it is not done.
+  bool run(std::function<void()> job) noexcept;
+
+ private:
+  void work();
+
+  const std::size_t most_threads_;
+  std::mutex mutex_;  // guards all below
+  std::condition_variable wake_;
+  std::deque<std::function<void()>> jobs_;
+  std::size_t idle_ = 0;
+  bool stops_ = false;
+  std::vector<std::thread> threads_;
+};
 
 }  // namespace isobrick

@@ -207,8 +207,11 @@ void BrickIndex::load(Slot& slot, std::size_t piece) const {
   slot.checked = 0;
   slot.corrections.clear();
   slot.bytes.resize(range.bytes);
-  RangeReader::Failure why = "cannot be read";
-  if (!file_.read(range.offset, range.bytes, slot.bytes.data(), &why)) fail(numberOf(first), why);
+  try {
+    file_.read(range.offset, range.bytes, slot.bytes.data());
+  } catch (const ReadFailure& failure) {
+    fail(numberOf(first), failure.what());
+  }
   if (first.file != kOwn) {
     const Corrections corrections = correctionsOf(first.file);
     auto at =
@@ -237,10 +240,14 @@ BrickIndex::Corrections BrickIndex::correctionsOf(std::size_t file) const {
   const format::PartEntry& entry = division_->file(file).corrections;
   const std::size_t count = division_->file(file).correction_count;
   std::vector<std::byte> stored(entry.stored_bytes), words(3 * count * sizeof(std::uint32_t));
-  RangeReader::Failure why = "cannot be read";
-  const bool is_read = file_.read(entry.offset, stored.size(), stored.data(), &why);
-  bool is_sound =
-      is_read && (stored.empty() || checksum64(stored.data(), stored.size()) == entry.checksum);
+  std::string fault = "are damaged";
+  bool is_sound = false;
+  try {
+    file_.read(entry.offset, stored.size(), stored.data());
+    is_sound = stored.empty() || checksum64(stored.data(), stored.size()) == entry.checksum;
+  } catch (const ReadFailure& failure) {
+    fault = failure.what();
+  }
   is_sound = is_sound && (count == 0 || decodePart(static_cast<format::Codec>(entry.codec), stored,
                                                    words.size(), words.data()));
   auto corrections = std::make_shared<std::vector<RangeCorrection>>(is_sound ? count : 0);
@@ -259,8 +266,7 @@ BrickIndex::Corrections BrickIndex::correctionsOf(std::size_t file) const {
     throw Error("'" + file_.path() + "', the corrected ranges of '" +
                     division_->superBricks().fileName(file) + "', " +
                     std::to_string(entry.stored_bytes) + " bytes at offset " +
-                    std::to_string(entry.offset) + ", " +
-                    withAdvice(is_read ? "are damaged" : why, "join the files again"),
+                    std::to_string(entry.offset) + ", " + withAdvice(fault, "join the files again"),
                 {.path = file_.path(), .offset = entry.offset});
   const std::lock_guard lock(corrections_mutex_);
   corrections_.emplace_front(file, corrections);

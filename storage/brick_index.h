@@ -10,10 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/brick_table.h"
 #include "isobrick/storage/paged_file.h"
 #include "isobrick/storage/pyramid_division.h"
-#include "isobrick/storage/table_rows.h"
 
 namespace isobrick {
 

@@ -13,12 +13,10 @@
 namespace isobrick {
 namespace {
 
-constexpr const char* kUnreadable = "cannot be read (the file was cut short or its disk failed)";
 constexpr const char* kWrongChecksum = "is damaged (checksum mismatch)";
-constexpr const char* kNotPacked = "is damaged (cannot be unpacked)";
-constexpr const char* kUnknownPlace = "is at an unknown place (its row in the table is damaged)";
-constexpr const char* kNoMemory = "cannot be held (no memory is left)";
-constexpr const char* kNoRoom = "has no room beside what is in use";
+
+// A part has no room beside what is in use.
+struct NoRoom : std::exception {};
 
 bool isPacked(const BrickPager::Part& part) { return part.codec != format::Codec::kStored; }
 
@@ -59,24 +57,20 @@ bool BrickPager::isReachable(std::size_t id) const {
   return file_.reaches(part.offset, part.bytes);
 }
 
-const std::byte* BrickPager::acquire(std::size_t id, const char** why,
-                                     const CancelFlag* cancel) try {
-  if (!isReachable(id)) {
-    *why = kUnreadable;
-    return nullptr;
-  }
+const std::byte* BrickPager::acquire(std::size_t id, const CancelFlag* cancel) try {
+  if (!isReachable(id)) throw ReadFailure();
   Shard& shard = shardOf(id);
   std::unique_lock lock(shard.mutex);
   const auto found = shard.entries.find(id);
   if (found != shard.entries.end() && found->second->state == State::kResident)
-    return take(shard, lock, found->second, why);
+    return take(shard, lock, found->second);
   const WaitClock clock(wait_nanoseconds_);
   if (found != shard.entries.end()) {
     const std::shared_ptr<Entry> joined = found->second;
     ++shard.loads_joined;
     ++joined->users;
     joined->is_used = !std::exchange(joined->is_ahead, false);
-    return wait(shard, lock, *joined, why, cancel);
+    return wait(shard, lock, *joined, cancel);
   }
   const auto entry = std::make_shared<Entry>();
   entry->id = id;
@@ -84,25 +78,25 @@ const std::byte* BrickPager::acquire(std::size_t id, const char** why,
   shard.entries.emplace(id, entry);
   lock.unlock();
   ++misses_;
-  return loadOrLeave(shard, entry, why, cancel);
-} catch (const std::bad_alloc&) {  // before anything is entered
-  *why = kNoMemory;
-  return nullptr;
+  return loadOrLeave(shard, entry, cancel);
+} catch (const std::bad_alloc&) {
+  throw ReadFailure("cannot be held (no memory is left)");
 }
 
-const std::byte* BrickPager::acquireIfResident(std::size_t id) {
+const std::byte* BrickPager::acquireIfResident(std::size_t id) try {
   if (!isReachable(id)) return nullptr;
   Shard& shard = shardOf(id);
   std::unique_lock lock(shard.mutex);
   const auto found = shard.entries.find(id);
   if (found == shard.entries.end() || found->second->state != State::kResident) return nullptr;
-  const char* why = "";
-  return take(shard, lock, found->second, &why);
+  return take(shard, lock, found->second);
+} catch (const ReadFailure&) {
+  return nullptr;
 }
 
 // One that is resident. The lock may be given back.
 const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lock,
-                                  const std::shared_ptr<Entry>& slot, const char** why) {
+                                  const std::shared_ptr<Entry>& slot) {
   ++shard.hits;
   ++slot->users;
   // The first use of what was fetched is what it came for.
@@ -111,7 +105,7 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
   if (!isToBeChecked(*slot)) return dataOf(*slot);
   const std::shared_ptr<Entry> entry = slot;
   lock.unlock();
-  return checkAnew(shard, *entry, why);
+  return checkAnew(shard, *entry);
 }
 
 BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel,
@@ -122,34 +116,37 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel,
   entry->query = query_;
   entry->is_ahead = true;
   Shard& shard = shardOf(id);
-  {
-    std::unique_lock lock(shard.mutex);
-    const auto [found, is_new] = shard.entries.try_emplace(id, entry);
-    if (!is_new) {
-      const std::shared_ptr<Entry> there = found->second;
-      if (there->is_ahead) there->query = entry->query;
-      const char* why = "";
-      if (there->state == State::kResident && isToBeChecked(*there)) {
-        ++there->users;
-        lock.unlock();
-        if (checkAnew(shard, *there, &why) == nullptr) return Fetched::kNever;
-        release(id);
-      } else if (there->state == State::kLoading && room != nullptr) {
-        ++there->users;
-        if (wait(shard, lock, *there, &why, cancel) == nullptr)
-          return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
-        lock.unlock();
-        release(id);
-      }
-      return Fetched::kBefore;
+  std::unique_lock lock(shard.mutex);
+  const auto [found, is_new] = shard.entries.try_emplace(id, entry);
+  const std::shared_ptr<Entry> there = found->second;
+  try {
+    if (is_new) {
+      lock.unlock();
+      loadOrLeave(shard, entry, cancel, room);
+      ++parts_fetched_;
+      release(id);
+      return Fetched::kNow;
     }
+    if (there->is_ahead) there->query = entry->query;
+    if (there->state == State::kResident && isToBeChecked(*there)) {
+      ++there->users;
+      lock.unlock();
+      checkAnew(shard, *there);
+      release(id);
+    } else if (there->state == State::kLoading && room != nullptr) {
+      ++there->users;
+      wait(shard, lock, *there, cancel);
+      lock.unlock();
+      release(id);
+    }
+    return Fetched::kBefore;
+  } catch (const Cancelled&) {
+    throw;
+  } catch (const NoRoom&) {
+    return Fetched::kNoRoom;
+  } catch (const std::exception&) {
+    return Fetched::kNever;
   }
-  const char* why = "";
-  if (loadOrLeave(shard, entry, &why, cancel, room) == nullptr)
-    return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
-  ++parts_fetched_;
-  release(id);
-  return Fetched::kNow;
 }
 
 void BrickPager::announce(std::span<const std::size_t> ids) try {
@@ -165,7 +162,7 @@ void BrickPager::announce(std::span<const std::size_t> ids) try {
 
 // For a part that is being loaded. The caller is among its users, but not after an exception.
 const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
-                                  const char** why, const CancelFlag* cancel) {
+                                  const CancelFlag* cancel) {
   // A signal handler can set the flag and nothing more, so nothing wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(1);
   const auto is_done = [&] { return entry.state != State::kLoading; };
@@ -177,14 +174,13 @@ const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lo
     }
     shard.loaded.wait_for(lock, kBetweenLooks, is_done);
   }
-  if (entry.state == State::kResident) return dataOf(entry);
-  *why = entry.why;
-  return nullptr;
+  if (entry.state == State::kFailed) std::rethrow_exception(entry.failure);
+  return dataOf(entry);
 }
 
 // Loads the caller's part; on another thread if the caller may be cancelled.
 const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry,
-                                         const char** why, const CancelFlag* cancel,
+                                         const CancelFlag* cancel,
                                          const std::shared_ptr<Room>& room) {
   const auto leave = [&]() noexcept {
     try {
@@ -194,12 +190,13 @@ const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Ent
       return false;
     }
   };
-  if (cancel == nullptr || !leave()) return load(shard, entry, why, room.get());
+  if (cancel == nullptr || !leave()) return load(shard, entry, room.get());
   std::unique_lock lock(shard.mutex);
-  return wait(shard, lock, *entry, why, cancel);
+  return wait(shard, lock, *entry, cancel);
 }
 
-void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room) {
+void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry,
+                               Room* room) noexcept {
   {
     const std::lock_guard lock(shard.mutex);
     if (entry->users == 0) {  // no thread waits any more
@@ -209,15 +206,26 @@ void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry
     }
     ++entry->users;
   }
-  const char* why = "";
-  if (load(shard, entry, &why, room) != nullptr) release(entry->id);
+  try {
+    load(shard, entry, room);
+    release(entry->id);
+  } catch (...) {  // the threads that wait throw it
+  }
 }
 
-// Throws nothing: threads that joined the load wait for its end.
-const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& entry,
-                                  const char** why, Room* room) {
-  bool is_good = tryBringIn(*entry, why, room);
-  if (is_good) {
+// Threads that joined the load wait for its end, and throw what it throws.
+const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room) {
+  std::exception_ptr failure;
+  bool lacks_room = false;
+  try {
+    bringIn(*entry, room);
+  } catch (const NoRoom&) {
+    lacks_room = true;
+    failure = std::current_exception();
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  if (failure == nullptr) {
     ++parts_read_;
     bytes_read_ += entry->part.bytes;
     bytes_unpacked_ += entry->part.unpacked_bytes;
@@ -227,35 +235,28 @@ const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& en
   {
     const std::lock_guard lock(shard.mutex);
     // A thread has joined that needs the part, and does not ask for room.
-    const bool is_needed = !is_good && *why == kNoRoom && !entry->is_ahead;
+    const bool is_needed = lacks_room && !entry->is_ahead;
     if (!is_needed) {
-      entry->state = is_good ? State::kResident : State::kFailed;
-      entry->why = is_good ? nullptr : *why;
-      if (!is_good) shard.entries.erase(entry->id);
+      entry->state = failure == nullptr ? State::kResident : State::kFailed;
+      entry->failure = failure;
+      if (failure != nullptr) shard.entries.erase(entry->id);
       room = nullptr;
     }
   }
-  if (room != nullptr) return load(shard, entry, why);
+  if (room != nullptr) return load(shard, entry, nullptr);
   shard.loaded.notify_all();
-  return is_good ? dataOf(*entry) : nullptr;
-}
-
-bool BrickPager::tryBringIn(Entry& entry, const char** why, Room* room) noexcept try {
-  return bringIn(entry, why, room);
-} catch (const std::bad_alloc&) {
-  *why = kNoMemory;
-  return false;
-} catch (const std::exception&) {  // from part_of_
-  *why = kUnknownPlace;
-  return false;
+  if (failure != nullptr) std::rethrow_exception(failure);
+  return dataOf(*entry);
 }
 
 // For a resident part that the caller holds. If its bytes have changed, releases it.
-const std::byte* BrickPager::checkAnew(Shard& shard, Entry& entry, const char** why) {
+const std::byte* BrickPager::checkAnew(Shard& shard, Entry& entry) {
   const std::uint64_t edition = edition_;
-  if (!checkInPlace(entry.part, why)) {
+  try {
+    checkInPlace(entry.part);
+  } catch (const ReadFailure&) {
     release(entry.id);
-    return nullptr;
+    throw;
   }
   const std::lock_guard lock(shard.mutex);
   entry.edition = edition;
@@ -274,68 +275,64 @@ std::uint64_t BrickPager::copyBytes(const Part& part) {
 
 // The cost is counted if it succeeds, or was set aside in `room`. The pages of other parts go after
 // one that is used in place has come: with it, the kernel may map pages around it that they had.
-bool BrickPager::bringIn(Entry& entry, const char** why, Room* room) {
-  const Part& part = entry.part = part_of_(entry.id);
+void BrickPager::bringIn(Entry& entry, Room* room) {
+  try {
+    entry.part = part_of_(entry.id);
+  } catch (const Error&) {
+    throw ReadFailure("is at an unknown place (its row in the table is damaged)");
+  }
+  const Part& part = entry.part;
   entry.bytes = costOf(part);
   entry.edition = edition_;
-  *why = kUnreadable;
-  if (!file_.reaches(part.offset, part.bytes)) return false;
+  if (!file_.reaches(part.offset, part.bytes)) throw ReadFailure();
   const bool may_displace = room == nullptr;
   const std::uint64_t copy_bytes = copyBytes(part);
-  if (room != nullptr && !room->grow(copy_bytes + entry.bytes)) {
-    *why = kNoRoom;
-    return false;
-  }
+  if (!may_displace && !room->grow(copy_bytes + entry.bytes)) throw NoRoom();
   if (isInPlace(part)) {
-    if (!checkInPlace(part, why)) return false;
-    if (room != nullptr)
-      room->bytes_ -= entry.bytes;
-    else
+    checkInPlace(part);
+    if (may_displace)
       makeRoom(entry.bytes);
+    else
+      room->bytes_ -= entry.bytes;
     trimSlab();
-    return true;
+    return;
   }
-  bool is_good = false;
+  if (may_displace) makeRoom(copy_bytes + entry.bytes);
   try {
-    if (may_displace) makeRoom(copy_bytes + entry.bytes);
     entry.buffer = takeBuffer(isPacked(part) ? part.unpacked_bytes : part.bytes, may_displace);
-    is_good = isPacked(part) ? unpackPart(part, entry.buffer.get(), why, may_displace)
-                             : readPart(part, entry.buffer.get(), why);
-  } catch (const std::bad_alloc&) {
-    *why = kNoMemory;
+    if (isPacked(part))
+      unpackPart(part, entry.buffer.get(), may_displace);
+    else
+      readPart(part, entry.buffer.get());
+  } catch (...) {
+    entry.buffer.reset();
+    if (may_displace) held_bytes_ -= copy_bytes + entry.bytes;
+    throw;
   }
-  if (!is_good) entry.buffer.reset();
   if (may_displace)
-    held_bytes_ -= copy_bytes + (is_good ? 0 : entry.bytes);
-  else if (is_good)
+    held_bytes_ -= copy_bytes;
+  else
     room->bytes_ -= entry.bytes;
-  return is_good;
 }
 
-bool BrickPager::checkInPlace(const Part& part, const char** why) const {
-  std::uint64_t checksum = 0;
-  const bool is_read = file_.checksum(part.offset, part.bytes, &checksum);
-  *why = is_read ? kWrongChecksum : kUnreadable;
-  return is_read && checksum == part.checksum;
+void BrickPager::checkInPlace(const Part& part) const {
+  if (file_.checksum(part.offset, part.bytes) != part.checksum) throw ReadFailure(kWrongChecksum);
 }
 
-bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) const {
-  *why = kUnreadable;
-  if (file_.readKept(part.checksum, part.bytes, out)) return true;
-  if (!file_.read(part.offset, part.bytes, out, why)) return false;
-  *why = kWrongChecksum;
-  if (checksum64(out, part.bytes) != part.checksum) return false;
+void BrickPager::readPart(const Part& part, std::byte* out) const {
+  if (file_.readKept(part.checksum, part.bytes, out)) return;
+  file_.read(part.offset, part.bytes, out);
+  if (checksum64(out, part.bytes) != part.checksum) throw ReadFailure(kWrongChecksum);
   file_.keep(part.checksum, part.bytes, out);
-  return true;
 }
 
 // Everything is done with a copy: the decoder gets the bytes that the checksum and the checks of
 // the Blosc buffer have seen, even while the file is written to.
-bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why, bool may_displace) {
+void BrickPager::unpackPart(const Part& part, std::byte* out, bool may_displace) {
   const PartBuffer packed = takeBuffer(part.bytes, may_displace);
-  if (!readPart(part, packed.get(), why)) return false;
-  *why = kNotPacked;
-  return decodePart(part.codec, {packed.get(), part.bytes}, part.unpacked_bytes, out);
+  readPart(part, packed.get());
+  if (!decodePart(part.codec, {packed.get(), part.bytes}, part.unpacked_bytes, out))
+    throw ReadFailure("is damaged (cannot be unpacked)");
 }
 
 void BrickPager::release(std::size_t id) noexcept {

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -14,10 +15,10 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/buffer_slab.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/format.h"
-#include "isobrick/storage/load_threads.h"
 #include "isobrick/storage/paged_file.h"
 #include "isobrick/storage/residence_policy.h"
 
@@ -81,12 +82,11 @@ class BrickPager {
 
   // Makes part `id` resident and keeps it so until release(id); counts nest. The memory, aligned
   // to 64 bytes if the part is, stays valid that long; in a buffer it does not change, in place it
-  // changes if the file is written to. Returns nullptr if the bytes are damaged or cannot be read:
-  // `*why` says which. Another try may succeed. Throws Cancelled some milliseconds after that was
-  // requested; a part that is being read comes in all the same.
-  [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why,
-                                         const CancelFlag* cancel = nullptr);
-  // The same if the part is resident now; nullptr if it would have to be read.
+  // changes if the file is written to. Throws ReadFailure if the bytes are damaged or cannot be
+  // read; another try may succeed. Throws Cancelled some milliseconds after that was requested; a
+  // part that is being read comes in all the same.
+  [[nodiscard]] const std::byte* acquire(std::size_t id, const CancelFlag* cancel = nullptr);
+  // The same if the part is resident now; nullptr if it would have to be read, or is damaged.
   [[nodiscard]] const std::byte* acquireIfResident(std::size_t id);
   void release(std::size_t id) noexcept;
 
@@ -158,7 +158,7 @@ class BrickPager {
   static constexpr std::size_t kShards = 64;
   enum class State : std::uint8_t { kLoading, kResident, kFailed };
   // A part that is loading or resident. The lock of its shard guards state, users, is_used,
-  // is_ahead, query, edition and why; `part` and `buffer` are the loader's until the part is
+  // is_ahead, query, edition and failure; `part` and `buffer` are the loader's until the part is
   // resident, and then do not change.
   struct Entry : ResidencePolicy::Member {
     Part part;
@@ -168,8 +168,8 @@ class BrickPager {
     std::uint64_t query = 0;    // that took it last
     std::uint64_t edition = 0;  // of the file, that its bytes were checked in
     std::uint32_t users = 1;
-    const char* why = nullptr;  // of a failed one
-    PartBuffer buffer;          // of one that is not used in place
+    std::exception_ptr failure;  // of a failed one
+    PartBuffer buffer;           // of one that is not used in place
     std::shared_ptr<Entry> next_leaving;
   };
   struct alignas(64) Shard {
@@ -188,21 +188,19 @@ class BrickPager {
     return isInPlace(entry.part) && entry.edition != edition_.load(std::memory_order_relaxed);
   }
   const std::byte* take(Shard& shard, std::unique_lock<std::mutex>& lock,
-                        const std::shared_ptr<Entry>& slot, const char** why);
+                        const std::shared_ptr<Entry>& slot);
   const std::byte* wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
-                        const char** why, const CancelFlag* cancel);
-  const std::byte* loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
+                        const CancelFlag* cancel);
+  const std::byte* loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry,
                                const CancelFlag* cancel,
                                const std::shared_ptr<Room>& room = nullptr);
-  void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room);
-  const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
-                        Room* room = nullptr);
-  const std::byte* checkAnew(Shard& shard, Entry& entry, const char** why);
-  bool tryBringIn(Entry& entry, const char** why, Room* room) noexcept;
-  bool bringIn(Entry& entry, const char** why, Room* room);
-  bool checkInPlace(const Part& part, const char** why) const;
-  bool readPart(const Part& part, std::byte* out, const char** why) const;
-  bool unpackPart(const Part& part, std::byte* out, const char** why, bool may_displace);
+  void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room) noexcept;
+  const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room);
+  const std::byte* checkAnew(Shard& shard, Entry& entry);
+  void bringIn(Entry& entry, Room* room);
+  void checkInPlace(const Part& part) const;
+  void readPart(const Part& part, std::byte* out) const;
+  void unpackPart(const Part& part, std::byte* out, bool may_displace);
   PartBuffer takeBuffer(std::uint64_t bytes, bool may_displace);
   static std::uint64_t copyBytes(const Part& part);
   bool isAbsent(std::size_t id);

@@ -13,7 +13,7 @@
 #include <mutex>
 #include <utility>
 
-#include "isobrick/storage/range_slot.h"
+#include "isobrick/storage/bus_error_guard.h"
 
 namespace isobrick {
 namespace {

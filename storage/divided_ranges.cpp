@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "isobrick/storage/checksum.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -70,11 +70,11 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
     std::unique_ptr<RangeReader> reader = open_(path_, openers_.abandoned);
     format::Header header{};
     const bool fits = reader->size() == entry_.file_bytes;
-    if (const Failure why =
-            fits ? reader->read({0, sizeof header}, reinterpret_cast<std::byte*>(&header))
-                 : nullptr)
-      throw Error("'" + shown_ + "' " + (*why == '\0' ? "cannot be read at offset 0" : why),
-                  {.path = shown_});
+    try {
+      if (fits) reader->read({0, sizeof header}, reinterpret_cast<std::byte*>(&header));
+    } catch (const ReadFailure& failure) {
+      throw Error("'" + shown_ + "' " + failure.what(), {.path = shown_});
+    }
     if (!fits || header.header_checksum != entry_.header_checksum ||
         checksum64(&header, offsetof(format::Header, header_checksum)) != header.header_checksum)
       throw Error("'" + shown_ + "' is not the file that was joined", {.path = shown_});
@@ -124,7 +124,7 @@ std::shared_ptr<DividedRanges::SuperBrickFile> DividedRanges::takeLeastUsed() {
   return taken;
 }
 
-RangeReader::Failure DividedRanges::read(const ByteRange& range, std::byte* out) {
+void DividedRanges::read(const ByteRange& range, std::byte* out) {
   const PyramidDivision& division = *files_.division;
   const std::optional<std::size_t> number = division.fileAt(range.offset);
   const std::uint64_t base = number ? division.base(*number) : 0;
@@ -132,19 +132,17 @@ RangeReader::Failure DividedRanges::read(const ByteRange& range, std::byte* out)
   const std::uint64_t begin = range.offset - base;
   const std::uint64_t stored = begin < bytes ? std::min(range.bytes, bytes - begin) : 0;
   std::fill(out + stored, out + range.bytes, std::byte{0});
-  if (stored == 0) return nullptr;
+  if (stored == 0) return;
   if (!number) return index_->read({begin, stored}, out);
   const std::shared_ptr<SuperBrickFile> file = fileOf(*number);
   try {
-    const Failure failure = file->reader().read({begin, stored}, out);
-    // The file may be closed before the text is looked at.
-    return failure == nullptr || *failure == '\0' ? failure : interned(failure);
+    file->reader().read({begin, stored}, out);
   } catch (const Cancelled&) {
-    return "cannot be read: it is not wanted any more";
+    throw ReadFailure("cannot be read: it is not wanted any more");
   } catch (const Error& error) {
     const std::string what = error.what();
-    return interned("cannot be read: " + what.substr(0, what.rfind("; ")) +
-                    "; restore that file, or build its super-brick again and join");
+    throw ReadFailure("cannot be read: " + what.substr(0, what.rfind("; ")) +
+                      "; restore that file, or build its super-brick again and join");
   }
 }
 
@@ -192,11 +190,6 @@ std::optional<DividedRanges::Place> DividedRanges::place(std::uint64_t offset) c
   const std::string path = files_.path_of(files_.division->superBricks().fileName(*number));
   return Place{files_.are_remote ? withoutSecrets(path) : path,
                offset - files_.division->base(*number)};
-}
-
-RangeReader::Failure DividedRanges::interned(const std::string& text) {
-  const std::lock_guard lock(mutex_);
-  return texts_.insert(text).first->c_str();
 }
 
 }  // namespace isobrick

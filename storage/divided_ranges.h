@@ -6,11 +6,10 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <string>
 
+#include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/load_threads.h"
 #include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/range_reader.h"
 
@@ -37,7 +36,7 @@ class DividedRanges final : public RangeReader {
   ~DividedRanges() override;
 
   std::uint64_t size() const override { return files_.division->endOffset(); }
-  [[nodiscard]] Failure read(const ByteRange& range, std::byte* out) override;
+  void read(const ByteRange& range, std::byte* out) override;
   void announce(std::span<const ByteRange> ranges) override;
   void abandon() override;
   std::string identity() const override { return index_->identity(); }
@@ -54,7 +53,6 @@ class DividedRanges final : public RangeReader {
   class SuperBrickFile;
   std::shared_ptr<SuperBrickFile> fileOf(std::size_t number);
   std::shared_ptr<SuperBrickFile> takeLeastUsed();
-  Failure interned(const std::string& text);
 
   // Shared by files that are being opened.
   struct Openers {
@@ -68,8 +66,7 @@ class DividedRanges final : public RangeReader {
   std::map<std::size_t, std::shared_ptr<SuperBrickFile>> open_;  // by number
   std::uint64_t uses_ = 0;
   RemoteCounters of_closed_;
-  std::set<std::string> texts_;  // of failures, which readers point to
-  Openers openers_;              // last: its threads use all of the above
+  Openers openers_;  // last: its threads use all of the above
 };
 
 }  // namespace isobrick

@@ -1,7 +1,5 @@
 #include "isobrick/storage/file_io.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>

@@ -3,13 +3,31 @@
 #pragma once
 
 #include <sys/uio.h>
+#include <unistd.h>
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 
 namespace isobrick {
+
+// Closes the descriptor, unless it is negative, when it goes out of scope.
+class OpenDescriptor {
+ public:
+  explicit OpenDescriptor(int fd) : fd_(fd) {}
+  ~OpenDescriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  OpenDescriptor(OpenDescriptor&& other) noexcept : fd_(other.release()) {}
+  int get() const { return fd_; }
+  // The caller closes it.
+  int release() { return std::exchange(fd_, -1); }
+
+ private:
+  int fd_;
+};
 
 // The outcome of a request. Callers turn it into an error that names their file and what to do.
 struct IoResult {

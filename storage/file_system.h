@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 
 namespace isobrick {
 
@@ -71,5 +72,11 @@ std::error_code visitFolder(const std::filesystem::path& folder,
 // True if every member of the folder is of these; false if it cannot be read to its end.
 bool holdsNothingBut(const std::filesystem::path& folder,
                      const std::function<bool(const FolderMember& member)>& is_own);
+
+// Splits "scan.h5:/entry/data" into its file and its dataset, which is empty if none is named; the
+// whole word is the file if it has no such form (.h5, .hdf5, .hdf, .he5, .nxs, .nc, .ims, .mat).
+std::pair<std::string, std::string> splitHdf5Name(const std::string& name);
+// Whether the file has one of these endings.
+bool isHdf5Name(const std::string& name);
 
 }  // namespace isobrick

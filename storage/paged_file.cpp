@@ -11,11 +11,10 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/divided_ranges.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/file_ranges.h"
 #include "isobrick/storage/part_cache.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote/open_remote.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -43,7 +42,7 @@ bool areCached(std::byte* begin, std::uint64_t bytes) {
 class NoRanges final : public RangeReader {
  public:
   std::uint64_t size() const override { return 0; }
-  [[nodiscard]] Failure read(const ByteRange&, std::byte*) override { return ""; }
+  void read(const ByteRange&, std::byte*) override { throw ReadFailure(); }
   void announce(std::span<const ByteRange>) override {}
 };
 
@@ -206,7 +205,7 @@ std::uint64_t PagedFile::edition() const {
   return edition_;
 }
 
-bool PagedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64_t* result) const {
+std::uint64_t PagedFile::checksum(std::uint64_t offset, std::uint64_t bytes) const {
   BusErrorGuard::keepInFront();
   const std::uint64_t begin = offset / kPageBytes * kPageBytes;
   std::byte* from = const_cast<std::byte*>(data_ + begin);
@@ -215,17 +214,11 @@ bool PagedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64_
     madvise(from, offset + bytes - begin, MADV_WILLNEED);
     // One call in place of a fault for every page. Kernels before 5.14 do not know it (EINVAL).
     if (madvise(from, offset + bytes - begin, MADV_POPULATE_READ) != 0 && errno != EINVAL)
-      return false;
+      throw ReadFailure();
   }
-  *result = checksum64(data_ + offset, bytes);
-  return !failedOffset(offset, bytes);
-}
-
-bool PagedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
-                     RangeReader::Failure* why) const {
-  const RangeReader::Failure failure = reader_->read({offset, bytes}, out);
-  if (failure != nullptr && *failure != '\0' && why != nullptr) *why = failure;
-  return failure == nullptr;
+  const std::uint64_t result = checksum64(data_ + offset, bytes);
+  if (failedOffset(offset, bytes)) throw ReadFailure();
+  return result;
 }
 
 bool PagedFile::readKept(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const {
@@ -249,8 +242,6 @@ RemoteCounters PagedFile::remoteCounters() const {
   counters.cached_bytes = kept_bytes_;
   return counters;
 }
-
-void PagedFile::announce(std::span<const ByteRange> ranges) const { reader_->announce(ranges); }
 
 void PagedFile::release(std::uint64_t offset, std::uint64_t bytes) const {
   const std::uint64_t begin = offset / kFaultAroundBytes * kFaultAroundBytes;

@@ -67,10 +67,10 @@ class PagedFile {
   bool isMapped() const { return data_ != nullptr; }
 
   // Copies `bytes` bytes from `offset` to `out`, past the map: the copy is the caller's alone and
-  // stays as it is, whatever happens to the file. False if they cannot be read. Then `*why`, unless
-  // it is null, is set if there is more to say, and left alone otherwise.
-  [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
-                          RangeReader::Failure* why = nullptr) const;
+  // stays as it is, whatever happens to the file. Throws ReadFailure.
+  void read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const {
+    reader_->read({offset, bytes}, out);
+  }
 
   // Copies a part, bytes with a checksum, from the folder of RemoteOptions to `out`; false if it is
   // not there, as for a local file. keep() puts a part there that came from the server instead.
@@ -80,7 +80,7 @@ class PagedFile {
 
   // Asks the system to bring these bytes into its page cache, or the server to send them, and waits
   // for nothing. Ranges that are announced together may be sent together.
-  void announce(std::span<const ByteRange> ranges) const;
+  void announce(std::span<const ByteRange> ranges) const { reader_->announce(ranges); }
 
   // Ends reads that wait for a server, and all later ones: see RangeReader::abandon().
   void abandonReads() const { reader_->abandon(); }
@@ -100,9 +100,8 @@ class PagedFile {
   }
 
   // XXH3-64 of `bytes` bytes from `offset`, asked from the disk in one go; leaves the pages
-  // resident. False if a page cannot be read.
-  [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
-                              std::uint64_t* result) const;
+  // resident. Throws ReadFailure if a page cannot be read.
+  std::uint64_t checksum(std::uint64_t offset, std::uint64_t bytes) const;
 
   // Gives the pages of these bytes back to the system, and those that reading it may have mapped
   // around it. Pages of a neighbour among them stay readable and come from the page cache again.
@@ -131,7 +130,6 @@ class PagedFile {
   };
   Stamp stamp() const;
   void map();
-
   void unmap();
 
   std::string path_;

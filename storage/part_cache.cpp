@@ -17,7 +17,6 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/remote/sha256.h"
 
 namespace isobrick {
@@ -65,7 +64,7 @@ void forEachPart(const std::string& folder, F&& f) {
 PartCache::PartCache(const std::string& folder, std::uint64_t most_bytes,
                      const std::string& identity)
     : root_(folder),
-      folder_(fs::path(partsFolder(folder)) / hexText(sha256(identity)).substr(0, 32)),
+      folder_(fs::path(partsFolder(folder)) / sha256(identity).substr(0, 32)),
       most_bytes_(most_bytes),
       written_(most_bytes) {
   if (const std::error_code failure = makeFolders(folder_))

@@ -8,8 +8,8 @@
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/remote_options.h"
-#include "isobrick/storage/super_bricks.h"
 
 namespace isobrick {
 namespace {

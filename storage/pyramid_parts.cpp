@@ -38,9 +38,9 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
                                 const CancelFlag* cancel) const {
   BrickPart part;
   part.id_ = partId(kind, brickRow(level, brick));
-  const char* why = "";
-  part.data_ = pager_.acquire(part.id_, &why, cancel);
-  if (part.data_ == nullptr) {
+  try {
+    part.data_ = pager_.acquire(part.id_, cancel);
+  } catch (const ReadFailure& failure) {
     const format::PartEntry entry = brickRowOf(level, brick).part(kind);
     ErrorPlace place = tables_.bytes().place(entry.offset);
     place.level = level;
@@ -49,7 +49,8 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
         brickName(level, brick) + ", " + partName(kind) + ", " +
             std::to_string(entry.stored_bytes) + " bytes at " +
             tables_.bytes().offsetText(entry.offset) + ", " +
-            withAdvice(why, tables_.division() == nullptr ? kDamageAdvice : kDividedDamageAdvice),
+            withAdvice(failure.what(),
+                       tables_.division() == nullptr ? kDamageAdvice : kDividedDamageAdvice),
         std::move(place));
   }
   part.pager_ = &pager_;

@@ -9,12 +9,11 @@
 #include <vector>
 
 #include "isobrick/storage/brick_pager.h"
-#include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/brick_supply.h"
+#include "isobrick/storage/brick_table.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_tables.h"
-#include "isobrick/storage/table_rows.h"
 
 namespace isobrick {
 

@@ -10,9 +10,8 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "isobrick/storage/stored_grid.h"
-#include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
@@ -72,33 +71,31 @@ class TableRun {
   TableRun(const PagedFile& file, const ByteRange& range) : file_(file), left_(range) {
     if (!file.holds(range.offset, range.bytes)) left_.bytes = 0;
   }
-  // Fills `out` with the next bytes; a reason, maybe "", if there are none.
-  RangeReader::Failure next(std::span<std::byte> out) {
+  // Fills `out` with the next bytes; false if there are no more. Throws ReadFailure.
+  bool next(std::span<std::byte> out) {
     while (!out.empty()) {
-      if (at_ == piece_.size()) {
-        if (const RangeReader::Failure why = nextPiece()) return why;
-      }
+      if (at_ == piece_.size() && !nextPiece()) return false;
       const std::size_t some = std::min(out.size(), piece_.size() - at_);
       std::memcpy(out.data(), piece_.data() + at_, some);
       at_ += some;
       out = out.subspan(some);
     }
-    return nullptr;
+    return true;
   }
   // Of all bytes that came.
   std::uint64_t checksum() const { return checksum_.value(); }
 
  private:
-  RangeReader::Failure nextPiece() {
+  bool nextPiece() {
     constexpr std::uint64_t kPieceBytes = std::uint64_t{1} << 20;
-    RangeReader::Failure why = "";
     piece_.resize(std::min(left_.bytes, kPieceBytes));
     at_ = 0;
-    if (piece_.empty() || !file_.read(left_.offset, piece_.size(), piece_.data(), &why)) return why;
+    if (piece_.empty()) return false;
+    file_.read(left_.offset, piece_.size(), piece_.data());
     checksum_.add(piece_.data(), piece_.size());
     left_.offset += piece_.size();
     left_.bytes -= piece_.size();
-    return nullptr;
+    return true;
   }
 
   const PagedFile& file_;
@@ -129,9 +126,11 @@ void PyramidTables::fail(const std::string& what, ErrorPlace place) const {
 void PyramidTables::readHeader() {
   constexpr std::uint64_t kSize = sizeof(format::Header);
   format::Header header{};
-  RangeReader::Failure why = "cannot be read at offset 0; check the disk";
-  if (file_.size() >= kSize && !file_.read(0, kSize, reinterpret_cast<std::byte*>(&header), &why))
-    fail(why);
+  try {
+    if (file_.size() >= kSize) file_.read(0, kSize, reinterpret_cast<std::byte*>(&header));
+  } catch (const ReadFailure& failure) {
+    fail(withAdvice(failure.what(), "check the disk"));
+  }
   if (std::memcmp(header.magic, format::kMagic, sizeof header.magic) != 0)
     fail("is not an isobrick pyramid; make one with 'isobrick build'");
   if (header.version < format::kVersion || header.version > format::kVersionOfTransforms)
@@ -203,14 +202,17 @@ void PyramidTables::readDivision() {
   if (PyramidDivision::tableBytes(layout_, super_bricks) != header.division.stored_bytes)
     fail("has a damaged table of files; join them again");
   TableRun run(file_, {header.division.offset, header.division.stored_bytes});
-  auto division = PyramidDivision::of(
-      layout_, super_bricks,
-      [&](std::span<std::byte> out) {
-        if (const RangeReader::Failure why = run.next(out))
-          fail(*why == '\0' ? "has a damaged table of files; join them again"
-                            : std::string("has a table of files that ") + why);
-      },
-      format::rowBytes(header.kind_count), header.file_bytes);
+  std::optional<PyramidDivision> division;
+  try {
+    division = PyramidDivision::of(
+        layout_, super_bricks,
+        [&](std::span<std::byte> out) {
+          if (!run.next(out)) fail("has a damaged table of files; join them again");
+        },
+        format::rowBytes(header.kind_count), header.file_bytes);
+  } catch (const ReadFailure& failure) {
+    fail(withAdvice(std::string("has a table of files that ") + failure.what(), "check the disk"));
+  }
   if (!division || run.checksum() != header.division.checksum)
     fail("has a damaged table of files; join them again");
   division_ = std::make_shared<PyramidDivision>(std::move(*division));
@@ -225,15 +227,13 @@ std::vector<std::byte> PyramidTables::divisionBytes() const {
 
 std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint64_t bytes,
                                                 std::uint64_t checksum, const char* name) const {
-  std::vector<std::byte> table;
-  RangeReader::Failure why = "";
-  if (file_.holds(offset, bytes)) {
-    table.resize(bytes);
-    if (file_.read(offset, bytes, table.data(), &why) &&
-        checksum64(table.data(), bytes) == checksum)
-      return table;
-  }
-  if (*why != '\0') fail(std::string("has a ") + name + " that " + why);
+  if (file_.holds(offset, bytes)) try {
+      std::vector<std::byte> table(bytes);
+      file_.read(offset, bytes, table.data());
+      if (checksum64(table.data(), bytes) == checksum) return table;
+    } catch (const ReadFailure& failure) {
+      fail(withAdvice(std::string("has a ") + name + " that " + failure.what(), "check the disk"));
+    }
   fail(std::string("has a damaged ") + name + "; build it again");
 }
 

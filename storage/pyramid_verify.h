@@ -1,6 +1,7 @@
 // Checks a whole pyramid: every byte is as it was written, and the contents fit together.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <optional>
 #include <string>
@@ -18,9 +19,7 @@ struct BrickDamage {
 };
 
 // Reads every part of one brick and describes its fault: damaged bytes, samples that are not
-// finite, or ranges that differ from those that section 6 of docs/FORMAT.md defines. To check
-// ranges it also reads tile ranges of the next finer level and samples of coarser ones; if the
-// fault is in these, or they cannot be read, this brick is not named.
+// finite, or ranges that do not take in the brick's own samples.
 std::optional<BrickDamage> verifyBrick(const Pyramid& pyramid, int level, const Index3& brick);
 
 // The faults outside of the bricks, a line each: reserved fields and padding that are not

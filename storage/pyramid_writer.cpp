@@ -17,7 +17,6 @@
 #include "isobrick/storage/file_io.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/stored_grid.h"
-#include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {

@@ -9,11 +9,11 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/brick_encoder.h"
-#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/brick_table.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/gradient_spectrum.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/pyramid_info.h"
-#include "isobrick/storage/super_bricks.h"
 #include "isobrick/storage/voxel_histogram.h"
 #include "isobrick/storage/write_journal.h"
 

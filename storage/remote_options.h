@@ -39,5 +39,7 @@ struct RemoteCounters {
 
 // True for what is read as a URL: http://, https:// and s3://, in small or capital letters.
 bool isRemotePath(std::string_view path);
+// A URL without its secrets: user and password, and the query, in which signatures stand.
+std::string withoutSecrets(const std::string& url);
 
 }  // namespace isobrick

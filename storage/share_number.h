@@ -3,6 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
+
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -24,6 +27,17 @@ struct NumberRun {
 // The things of a share, of `all`. The runs of all shares follow each other, and each thing is in
 // one. All have the same number of things, or one more. Throws Error unless 1 <= number <= of <=
 // kMostShares.
-NumberRun runOfShare(std::size_t all, const ShareNumber& share);
+inline NumberRun runOfShare(std::size_t all, const ShareNumber& share) {
+  if (share.of < 1 || share.of > kMostShares || share.number < 1 || share.number > share.of)
+    throw Error("there is no share " + std::to_string(share.number) + " of " +
+                std::to_string(share.of) + "; they count from 1, up to " +
+                std::to_string(kMostShares));
+  // Whole numbers: a product of things and shares fits into 64 bits.
+  const auto begin = [&](std::uint64_t number) {
+    return static_cast<std::size_t>(all * number / share.of);
+  };
+  const std::size_t first = begin(share.number - 1);
+  return {first, begin(share.number) - first};
+}
 
 }  // namespace isobrick

@@ -1,4 +1,5 @@
-// The grid of a volume as headers of files have it: dims, spacing, origin, direction, length_unit.
+// The grid of a volume as headers of files have it (dims, spacing, origin, direction, length_unit),
+// and which grids can be used.
 #pragma once
 
 #include <cmath>
@@ -44,6 +45,21 @@ void readGrid(const Header& header, Index3& voxels, GridGeometry& geometry) {
       geometry.direction[axis][row] = header.direction[3 * axis + row];
   }
   geometry.unit = static_cast<LengthUnit>(header.length_unit);
+}
+
+// True if every point of a volume of up to kMaxVoxelsPerAxis voxels an axis gets a position that is
+// finite, in single precision too, and world and index space can be changed into each other:
+// spacings within 2^-100 .. 2^100, an origin within 2^100, directions that span space.
+inline bool isUsableGeometry(const GridGeometry& geometry) {
+  constexpr double kMost = 0x1p100;
+  bool usable = std::abs(glm::determinant(geometry.direction)) > 1e-6;
+  for (int axis = 0; axis < 3; ++axis) {
+    usable = usable && geometry.spacing[axis] >= 1 / kMost && geometry.spacing[axis] <= kMost &&
+             std::abs(geometry.origin[axis]) <= kMost;
+    for (int row = 0; row < 3; ++row)
+      usable = usable && std::abs(geometry.direction[axis][row]) <= 2;
+  }
+  return usable;
 }
 
 }  // namespace isobrick

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/storage/brick_parts.h"
-#include "isobrick/storage/open_descriptor.h"
+#include "isobrick/storage/brick_table.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 

@@ -16,11 +16,9 @@
 #include "tools/line_words.h"
 #include "tools/own_folder.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -7,7 +7,6 @@
 #include <sstream>
 
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {

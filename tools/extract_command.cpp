@@ -13,7 +13,7 @@
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/extract_surface.h"
@@ -23,12 +23,9 @@
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -9,11 +9,10 @@
 
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/storage/lowercase.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
-#include "tools/loss_warnings.h"
 #include "tools/output_check.h"
 
 namespace isobrick {

@@ -16,8 +16,8 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "tools/extract_report.h"
 #include "tools/measured_sink.h"
+#include "tools/progress_bar.h"
 #include "tools/query_options.h"
-#include "tools/stopwatch.h"
 
 namespace isobrick {
 

@@ -12,7 +12,7 @@
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"

@@ -5,7 +5,6 @@
 
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "tools/progress_bar.h"
-#include "tools/stopwatch.h"
 
 namespace isobrick {
 

@@ -17,8 +17,6 @@
 #include "tools/output_check.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -1,11 +1,16 @@
-// The one rule for the outputs of commands: no existing file is replaced without --force, --force
-// replaces the named output and nothing beside it, and an input is never written over.
+// The one rule for the outputs of commands, and what they do not keep: no existing file is replaced
+// without --force, --force replaces the named output and nothing beside it, and an input is never
+// written over.
 #pragma once
+
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
 #include <vector>
+
+#include "tools/line_words.h"
 
 namespace isobrick {
 
@@ -31,5 +36,11 @@ void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::s
 // `force`, if the replaced header names it, and is foreign otherwise.
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force);
+
+// A line each on stderr.
+inline void warnOfLosses(const std::string& output, const std::vector<std::string>& losses) {
+  for (const std::string& loss : losses)
+    fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(output), oneLine(loss));
+}
 
 }  // namespace isobrick

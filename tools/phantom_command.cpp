@@ -12,8 +12,8 @@
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {

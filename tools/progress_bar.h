@@ -1,4 +1,4 @@
-// A line on the terminal that shows the progress of long work.
+// Progress and time of long work.
 #pragma once
 
 #include <chrono>
@@ -46,6 +46,16 @@ class ProgressBar {
   double first_fraction_ = 0, first_amount_ = 0;
   Clock::time_point last_drawn_{};
   bool is_dirty_ = false;
+};
+
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace isobrick

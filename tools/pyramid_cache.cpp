@@ -20,8 +20,8 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/parse_text.h"
 

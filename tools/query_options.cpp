@@ -15,14 +15,12 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

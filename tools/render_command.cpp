@@ -22,14 +22,12 @@
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
+#include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/render/picture_output.h"
 #include "tools/render/picture_surface.h"
 #include "tools/render/picture_turntable.h"
 #include "tools/shared_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -1,6 +1,9 @@
 // Options that mean the same in every command that has them.
 #pragma once
 
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
@@ -12,9 +15,59 @@
 
 #include "isobrick/storage/pyramid.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 
 namespace isobrick {
+
+// Adds an option that sets `target` to `parse(text)`. `target` lives as long as the parser; its
+// type is that of the result or an optional of it. CLI11's own conversions depend on the locale and
+// take "nan".
+template <typename Target, typename Parse>
+CLI::Option* addParsedOption(CLI::App& app, const std::string& names, Target& target, Parse parse,
+                             const std::string& value_name, const std::string& description) {
+  const auto set = [&target, parse, names](const std::string& text) {
+    try {
+      target = static_cast<Target>(parse(text));
+    } catch (const std::invalid_argument& failure) {
+      throw CLI::ValidationError(names, failure.what());
+    }
+  };
+  return app.add_option_function<std::string>(names, set, description)->type_name(value_name);
+}
+
+// Adds an option that may be given again: calls `take(word)` for each of its words.
+template <typename Take>
+CLI::Option* addRepeatedOption(CLI::App& app, const std::string& name, Take take,
+                               const std::string& value_name, const std::string& description) {
+  const auto take_all = [take, name](const std::vector<std::string>& words) {
+    try {
+      for (const std::string& word : words) take(word);
+    } catch (const std::invalid_argument& failure) {
+      throw CLI::ValidationError(name, failure.what());
+    }
+  };
+  return app.add_option_function<std::vector<std::string>>(name, take_all, description)
+      ->type_name(value_name)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+// The values of an option, in the order of --help.
+template <typename T>
+using Choices = std::vector<std::pair<std::string, T>>;
+
+// Adds an option that sets `target` to the value of one of the choices.
+template <typename T>
+CLI::Option* addChoiceOption(CLI::App& app, const std::string& name, T& target,
+                             const Choices<T>& choices, const std::string& value_name,
+                             const std::string& description) {
+  const auto set = [&target, choices](const std::string& text) {
+    for (const auto& [word, value] : choices)
+      if (word == text) target = value;
+  };
+  return app.add_option_function<std::string>(name, set, description)
+      ->type_name(value_name)
+      ->check(CLI::IsMember(choices));
+}
 
 // The groups of --help, in the order in which commands add to them; kVolumeGroup (volume_input.h)
 // is one more.
@@ -65,6 +118,23 @@ inline CLI::Option* addBoxOption(CLI::App& app, std::optional<Corners>& box) {
   return addParsedOption(app, "--box", box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
                          "Only this box of voxel indices of level 0, both corners included; of a "
                          "surface, the cells that it touches");
+}
+
+// All cores that the process may use.
+inline int allCores() { return tbb::this_task_arena::max_concurrency(); }
+
+inline void addThreadsOption(CLI::App& app, int& threads) {
+  addParsedOption(app, "--threads", threads, integerWithin(1, 1024), "N",
+                  "Threads to use; default: all cores");
+}
+
+// Calls `work()` with TBB limited to `threads` threads, the calling one included.
+template <typename Work>
+auto runWithThreads(int threads, Work&& work) {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
+  tbb::task_arena arena(threads);
+  return arena.execute(std::forward<Work>(work));
 }
 
 }  // namespace isobrick

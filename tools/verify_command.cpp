@@ -5,15 +5,14 @@
 #include <string>
 
 #include "isobrick/storage/pyramid_verify.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {

@@ -11,7 +11,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/name_of_hdf5.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"

@@ -11,7 +11,7 @@
 #include <limits>
 #include <type_traits>
 
-#include "isobrick/extract/kernels/brick_bits.h"
+#include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/storage/voxel_type.h"
 
 // The corner of an edge in 32 bits: i, j and k in 9 bits each, the greatest being 256.

@@ -20,6 +20,7 @@
 #include <span>
 #include <vector>
 
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
@@ -88,6 +89,15 @@ struct BrickRows {
            (axis != 2 && k == 0 && (foreign_sides & 4) != 0);
   }
 
+  // The number of the first crossing of row r beyond corner 0 among all the brick's own, which come
+  // axis by axis. That at corner 0 is one less.
+  std::uint32_t rowNumber(int axis, std::int64_t r) const {
+    std::uint32_t number = numbers[static_cast<std::size_t>(axis)][static_cast<std::size_t>(r)];
+    for (int before = 0; before < axis; ++before)
+      number += crossings[static_cast<std::size_t>(before)];
+    return number;
+  }
+
   // Sizes everything for a brick, of which no cell is wanted yet.
   void resize(const Index3& brick_cells);
   // The cells of row (j, k), j < cells.y and k < cells.z, that are to be meshed: words_per_row
@@ -111,5 +121,56 @@ void compareRows(const BrickGrid<T>& grid, T threshold, BrickRows& rows);
 
 // From bits to numbers and counts; leaves the numbers of foreign rows alone.
 void numberRows(BrickRows& rows);
+
+// The cells of word `word` in a row of `cells`.
+inline std::uint64_t cellBits(std::int64_t cells, std::int64_t word) {
+  return lowBits(cells - 64 * word);
+}
+
+// Crossed edges along x: bit i is the edge of cell i. `carry` is the corner before the word's
+// first.
+inline std::uint64_t crossedAlongX(std::uint64_t word, std::uint64_t carry, std::uint64_t cells) {
+  return (word ^ (word << 1 | carry)) & cells;
+}
+
+// The bits that 64 cells in a row have at their corners; bit i is the cell's.
+struct CellWords {
+  std::uint64_t corners[8];  // corner x + 2y + 4z
+
+  CellWords(const BrickRows& rows, std::int64_t r, std::int64_t word) {
+    const std::int64_t up[4] = {0, 1, rows.cells.y + 1, rows.cells.y + 2};
+    for (int n = 0; n < 4; ++n) {
+      const std::int64_t at = (r + up[n]) * rows.words_per_row + word;
+      const std::uint64_t high = rows.inside[static_cast<std::size_t>(at)];
+      const std::uint64_t carry =
+          word == 0 ? std::uint64_t{rows.first_inside[static_cast<std::size_t>(r + up[n])]}
+                    : rows.inside[static_cast<std::size_t>(at - 1)] >> 63;
+      corners[2 * n] = high << 1 | carry;
+      corners[2 * n + 1] = high;
+    }
+  }
+
+  // Cells with corners of both kinds.
+  std::uint64_t crossedCells(std::uint64_t cells) const {
+    const std::uint64_t any = (corners[0] | corners[1] | corners[2] | corners[3]) |
+                              (corners[4] | corners[5] | corners[6] | corners[7]);
+    const std::uint64_t all = (corners[0] & corners[1] & corners[2] & corners[3]) &
+                              (corners[4] & corners[5] & corners[6] & corners[7]);
+    return any & ~all & cells;
+  }
+  // Cells with corners of both kinds on face `face` (contour.h).
+  std::uint64_t crossed(int face) const {
+    const int axis = face / 2, first = face % 2 << axis;
+    const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3;
+    const std::uint64_t a = corners[first], b = corners[first + u], c = corners[first + v],
+                        d = corners[first + u + v];
+    return (a | b | c | d) & ~(a & b & c & d);
+  }
+  unsigned pattern(int cell) const {
+    unsigned bits = 0;
+    for (unsigned c = 0; c < 8; ++c) bits |= static_cast<unsigned>(corners[c] >> cell & 1) << c;
+    return bits;
+  }
+};
 
 }  // namespace isobrick

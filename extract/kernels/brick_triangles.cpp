@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "isobrick/extract/kernels/brick_bits.h"
+#include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/extract/kernels/marching_cubes_table.h"
 
 #ifndef ISOBRICK_EXTRACT_PACKED_CASE

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "isobrick/extract/kernels/cell_topology.h"
+#include "isobrick/extract/kernels/contour.h"
 
 namespace isobrick {
 

@@ -21,6 +21,13 @@ inline std::uint64_t lowBits(std::int64_t count) {
   return count >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << count) - 1;
 }
 
+// How many bits below bit `bit` are set.
+inline std::uint32_t bitsBelow(const std::uint64_t* bits, std::int64_t bit) {
+  std::uint32_t count = bitCount(bits[bit / 64] & lowBits(bit % 64));
+  for (std::int64_t word = 0; word < bit / 64; ++word) count += bitCount(bits[word]);
+  return count;
+}
+
 // The bits of word `word` that lie in [begin, end).
 inline std::uint64_t bitsBetween(std::int64_t begin, std::int64_t end, std::int64_t word) {
   const std::int64_t low = begin - 64 * word, high = end - 64 * word;

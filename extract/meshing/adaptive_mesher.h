@@ -2,11 +2,11 @@
 #pragma once
 
 #include "isobrick/extract/kernels/edge_crossings.h"
-#include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
 #include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/meshing/fans.h"
 #include "isobrick/extract/meshing/transition_corners.h"
+#include "isobrick/extract/meshing/uniform_mesher.h"
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 

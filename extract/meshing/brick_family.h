@@ -4,16 +4,144 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <memory>
 #include <optional>
+#include <type_traits>
 #include <utility>
 
+#include "isobrick/extract/kernels/edge_crossings.h"
 #include "isobrick/extract/meshing/leaf_rows.h"
-#include "isobrick/extract/meshing/sample_view.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
 #include "isobrick/extract/session/mesh_context.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
+
+// Reads samples of `level` by their index in the level. Borrowed memory: valid while the brick is
+// held. T: the voxel type.
+template <typename T>
+class SampleView {
+ public:
+  SampleView(const Lattice& lattice, int level, const IndexBox& box, const T* data)
+      : data_(data),
+        box_(box),
+        lattice_(&lattice),
+        level_(level),
+        stride_{1, box.count.x, box.count.x * box.count.y},
+        inverse_(1.0f / static_cast<float>(std::int64_t{2} << level)) {
+    for (int axis = 0; axis < 3; ++axis)
+      regular_end_[axis] =
+          std::min(box.count[axis] - 1, ((lattice.voxels()[axis] - 1) >> level) - box.first[axis]);
+  }
+
+  std::int64_t offset(const Index3& sample) const {
+    return linearIndex(sample - box_.first, box_.count);
+  }
+  std::int64_t stride(int axis) const { return stride_[axis]; }
+  const T* at(std::int64_t offset) const { return data_ + offset; }
+  float value(const Index3& sample) const { return static_cast<float>(data_[offset(sample)]); }
+
+  // Value and gradient to `out`: central differences, in values per voxel of level 0 (rule 12).
+  void end(const Index3& sample, EdgeEnd& out) const {
+    const Index3 local = sample - box_.first;
+    const T* at = data_ + linearIndex(local, box_.count);
+    out.value = static_cast<float>(*at);
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::int64_t i = local[axis], step = stride_[axis];
+      (&out.gradient.x)[axis] =
+          i > 0 && i < regular_end_[axis]
+              ? (static_cast<float>(at[step]) - static_cast<float>(at[-step])) * inverse_
+              : borderDifference(at, axis, i);
+      if constexpr (std::is_floating_point_v<T>)
+        if (std::isnan((&out.gradient.x)[axis]))
+          (&out.gradient.x)[axis] = differenceBesideMissing(at, axis, i);
+    }
+  }
+  // True if a neighbour of the sample, from which its gradient comes, has no data.
+  bool isBesideMissing(const Index3& sample) const {
+    const Index3 local = sample - box_.first;
+    const T* at = data_ + linearIndex(local, box_.count);
+    for (int axis = 0; axis < 3; ++axis)
+      if ((local[axis] > 0 && isMissing(at[-stride_[axis]])) ||
+          (local[axis] + 1 < box_.count[axis] && isMissing(at[stride_[axis]])))
+        return true;
+    return false;
+  }
+  static bool isMissing(T value) { return std::isnan(static_cast<float>(value)); }
+
+ private:
+  // One-sided, as at the border of the volume; 0 if neither neighbour has data.
+  float differenceBesideMissing(const T* at, int axis, std::int64_t i) const {
+    for (const std::int64_t step : {-1, 1}) {
+      if (i + step < 0 || i + step >= box_.count[axis]) continue;
+      const float change = static_cast<float>(at[step * stride_[axis]]) - static_cast<float>(*at);
+      if (std::isnan(change)) continue;
+      return change /
+             static_cast<float>(lattice_->position(level_, axis, box_.first[axis] + i + step) -
+                                lattice_->position(level_, axis, box_.first[axis] + i));
+    }
+    return 0;
+  }
+  // At the border of the volume the difference is one-sided, or over a thin cell. Elsewhere a
+  // brick's own corners always have both neighbours in the apron; no gradient is taken in the apron
+  // itself.
+  float borderDifference(const T* at, int axis, std::int64_t i) const {
+    const std::int64_t low = i > 0 ? i - 1 : i;
+    const std::int64_t high = i + 1 < box_.count[axis] ? i + 1 : i;
+    const auto distance =
+        static_cast<float>(lattice_->position(level_, axis, box_.first[axis] + high) -
+                           lattice_->position(level_, axis, box_.first[axis] + low));
+    return (static_cast<float>(at[(high - i) * stride_[axis]]) -
+            static_cast<float>(at[(low - i) * stride_[axis]])) /
+           distance;
+  }
+
+  const T* data_;
+  IndexBox box_;
+  const Lattice* lattice_;
+  int level_;
+  std::int64_t stride_[3];
+  // Samples 1 .. regular_end_ - 1 of the box have neighbours on both sides, 2^level voxels away.
+  std::int64_t regular_end_[3];
+  float inverse_;  // of the distance between these
+};
+
+// Of a finer brick for a sample at its border: whether it has a leaf there, and the surface may
+// cross it.
+enum class Worth { kNoLeaf, kLeaf, kCrossed };
+
+// The brick of level `finer` that lends sample `fine` to coarser leaves: of those whose closed
+// boxes have the sample, of which `may_lend(brick)`, and that are worth at least `least`, the first
+// of the greatest worth. `is_refined(cell)`: of the next coarser level.
+template <typename MayLend, typename IsRefined>
+std::optional<Index3> lenderOf(const MeshContext& context, int finer, const Index3& fine,
+                               Worth least, const MayLend& may_lend, const IsRefined& is_refined) {
+  const BrickLayout& layout = context.pyramid.layout();
+  const auto worthOf = [&](const Index3& brick) {
+    const IndexBox own = layout.brickCellBox(finer, brick);
+    const Index3 first = glm::max(fine - Index3(1), own.first) / std::int64_t{2};
+    const Index3 last = glm::min(fine, own.end() - Index3(1)) / std::int64_t{2};
+    bool has_leaf = false;
+    forEachIndex({first, last - first + Index3(1)},
+                 [&](const Index3& cell) { has_leaf = has_leaf || is_refined(cell); });
+    if (!has_leaf) return Worth::kNoLeaf;
+    return context.pyramid.brickRange(finer, brick).crosses(context.isovalue) ? Worth::kCrossed
+                                                                              : Worth::kLeaf;
+  };
+  const Index3 first = glm::max(fine - Index3(1), Index3(0)) / layout.brickCells();
+  const Index3 last = glm::min(fine / layout.brickCells(), layout.bricks(finer) - Index3(1));
+  std::optional<Index3> found;
+  Worth best = least;
+  forEachIndex({first, last - first + Index3(1)}, [&](const Index3& brick) {
+    if ((found && best == Worth::kCrossed) || !may_lend(brick)) return;
+    const Worth worth = worthOf(brick);
+    if (worth < best || (found && worth == best)) return;
+    best = worth;
+    found = brick;
+  });
+  return found;
+}
 
 // A brick of one level and the bricks of the next finer level in its closed box. Each is read when
 // its first sample is needed, and held as long as this object lives. A sample on the border of
@@ -126,37 +254,11 @@ class BrickFamily {
     return context_.residency == nullptr ||
            context_.residency->holdsSamples(level_ - 1, finer_brick);
   }
-  // One of the held bricks whose closed boxes have the sample: the first with a leaf at it that the
-  // surface may cross, else the first with a leaf, else the first.
   std::optional<Index3> brickWith(const Index3& fine) const {
-    const Index3 bricks = context_.pyramid.layout().bricks(level_ - 1);
-    const Index3 first = glm::max(fine - Index3(1), Index3(0)) / edge_;
-    const Index3 last = glm::min(fine / edge_, bricks - Index3(1));
-    std::optional<Index3> found;
-    int best = -1;
-    forEachIndex({first, last - first + Index3(1)}, [&](const Index3& brick) {
-      if (best == 2 || !isHeld(brick)) return;
-      const int worth = !hasLeafAt(brick, fine) ? 0
-                        : context_.pyramid.brickRange(level_ - 1, brick).crosses(context_.isovalue)
-                            ? 2
-                            : 1;
-      if (worth <= best) return;
-      best = worth;
-      found = brick;
-    });
-    return found;
-  }
-  // Whether a cell of this level that `fine` is a point of, and that lies in the finer brick, is
-  // refined.
-  bool hasLeafAt(const Index3& finer_brick, const Index3& fine) const {
-    const std::int64_t half = edge_ / 2;
-    const Index3 first = glm::max((fine - Index3(1)) / std::int64_t{2}, finer_brick * half);
-    const Index3 last =
-        glm::min(fine / std::int64_t{2}, (finer_brick + Index3(1)) * half - Index3(1));
-    bool is_any = false;
-    forEachIndex({first, last - first + Index3(1)},
-                 [&](const Index3& cell) { is_any = is_any || leaves_.isRefined(cell); });
-    return is_any;
+    return lenderOf(
+        context_, level_ - 1, fine, Worth::kNoLeaf,
+        [this](const Index3& brick) { return isHeld(brick); },
+        [this](const Index3& cell) { return leaves_.isRefined(cell); });
   }
   void hold(int level, const Index3& brick, std::optional<HeldBrick>& out) const {
     BrickSamples samples = context_.samples(level, brick);

@@ -76,11 +76,9 @@ class SharedVertices {
     const auto a = static_cast<std::size_t>(axis);
     const std::int64_t words = rows_.words_per_row;
     const std::int64_t r = rows_.row(j, k);
-    const auto row = static_cast<std::size_t>(r);
     const std::uint64_t* crossed = rows_.crossed[a].data() + r * words;
-    std::uint32_t number = rows_.numbers[a][row];
-    for (std::size_t before = 0; before < a; ++before) number += rows_.crossings[before];
-    if (axis != 0 && rows_.crossed_first[a - 1][row] != 0) {
+    const std::uint32_t number = rows_.rowNumber(axis, r);
+    if (axis != 0 && rows_.crossed_first[a - 1][static_cast<std::size_t>(r)] != 0) {
       if (zone.atFirst())
         visit(number - 1, axis, Index3(0, j, k));
       else
@@ -93,13 +91,12 @@ class SharedVertices {
       for (std::uint64_t rest = crossed[w] & (others | own); rest != 0; rest &= rest - 1) {
         const int bit = std::countr_zero(rest);
         const Index3 corner(64 * w + bit + (axis == 0 ? 0 : 1), j, k);
-        const std::uint32_t vertex = number + bitCount(crossed[w] & lowBits(bit));
+        const std::uint32_t vertex = number + bitsBelow(crossed, 64 * w + bit);
         if ((others >> bit & 1) != 0)
           visit(vertex, axis, corner);
         else
           add(vertex, axis, corner);
       }
-      if (w + 1 < words) number += bitCount(crossed[w]);
     }
   }
   // The bricks that have the edge.

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <limits>
 
-#include "isobrick/extract/oracles/cell_distance.h"
 #include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/oracles/flat_blocks.h"
 #include "isobrick/extract/session/mesh_context.h"

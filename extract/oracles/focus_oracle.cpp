@@ -6,31 +6,18 @@
 #include "isobrick/extract/kernels/row_bits.h"
 
 namespace isobrick {
-namespace {
-
-// The diagonal of a voxel cell, enlarged by a millionth: at the contradiction on which the proof of
-// rule 3 ends, both sides can be equal, and rounding must not turn that into a pair of leaves two
-// levels apart.
-const double kDiagonal = std::sqrt(3.0) * (1.0 + 0x1p-20);
-
-// Eq. 1 solved for the distance: cells of `level` closer to the focus are refined.
-double refinedWithin(int level, double radius) {
-  const double reach = radius + kDiagonal * (3.0 * std::ldexp(1.0, level - 1) - 1.0);
-  return reach > 0 ? reach : 0.0;
-}
-
-}  // namespace
 
 FocusOracle::FocusOracle(const Lattice& lattice, const DetailChoice& choice)
     : last_level_(lattice.levels() - 1) {
   if (choice.focus) focus_ = choice.focus->center;
+  const double diagonal = std::sqrt(3.0) * kDiagonalRoom;
   refined_within_squared_.push_back(0.0);
   for (int level = 1; level <= last_level_; ++level) {
     double within = kEverywhere;
     if (choice.uniform_level)
       within = level > *choice.uniform_level ? kEverywhere : 0.0;
     else if (choice.focus)
-      within = refinedWithin(level, choice.focus->radius);
+      within = std::max(choice.focus->radius + refinedWithin(level, diagonal), 0.0);
     refined_within_squared_.push_back(within * within);
   }
 }

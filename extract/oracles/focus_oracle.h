@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "isobrick/extract/kernels/sphere_rows.h"
-#include "isobrick/extract/oracles/cell_distance.h"
 #include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/query.h"
 

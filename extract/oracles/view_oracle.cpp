@@ -6,21 +6,16 @@
 #include <limits>
 
 #include "isobrick/extract/kernels/row_bits.h"
+#include "isobrick/extract/oracles/coverage.h"
 
 namespace isobrick {
-namespace {
-
-// Room for rounding: see FocusOracle.
-constexpr double kRoom = 1.0 + 0x1p-20;
-
-}  // namespace
 
 ViewOracle::ViewOracle(const Lattice& lattice, const GridGeometry& geometry, const ViewPoint& view)
     : last_level_(lattice.levels() - 1),
       spacing_(geometry.spacing),
       eye_(geometry.worldToIndex(view.eye) * geometry.spacing),
       is_parallel_(view.pixels_per_unit.has_value()) {
-  const double diagonal = glm::length(spacing_) * kRoom;
+  const double diagonal = glm::length(spacing_) * kDiagonalRoom;
   const double edge = std::max({spacing_.x, spacing_.y, spacing_.z});
   constexpr double kEverywhere = std::numeric_limits<double>::infinity();
   const double slope =
@@ -30,7 +25,7 @@ ViewOracle::ViewOracle(const Lattice& lattice, const GridGeometry& geometry, con
     if (is_parallel_)
       within = std::ldexp(edge, level) * *view.pixels_per_unit > view.pixels ? kEverywhere : 0.0;
     seen_within_squared_.push_back(level == 0 ? 0.0 : within * within);
-    near_field_within_.push_back(diagonal * (3.0 * std::ldexp(1.0, level - 1) - 1.0));
+    near_field_within_.push_back(refinedWithin(level, diagonal));
   }
   if (!view.field) return;
   has_field_ = true;

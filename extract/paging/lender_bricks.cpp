@@ -85,33 +85,16 @@ void LenderBricks::addLenders(const IndexBox& coarse) {
   });
 }
 
-// As BrickFamily::brickWith() chooses the brick that a corner is taken from.
+// That of a corner.
 void LenderBricks::addLender(const Index3& fine) {
-  const Index3 first = glm::max(fine - Index3(1), Index3(0)) / layout_.brickCells();
-  const Index3 last = glm::min(fine / layout_.brickCells(), layout_.bricks(finer_) - Index3(1));
-  int best = 0;
-  Index3 lender(0);
-  forEachIndex({first, last - first + Index3(1)}, [&](const Index3& brick) {
-    const int worth = best == 2 ? 0 : worthOf(brick, fine);
-    if (worth <= best) return;
-    best = worth;
-    lender = brick;
-  });
-  if (best > 0 && rows_.insert(rowOf(lender)).second)
-    samples_.push_back({PartKind::kSamples, finer_, lender});
-}
-
-// 0: no leaf of the brick has the sample; 2: it is read for its own sake, too.
-int LenderBricks::worthOf(const Index3& brick, const Index3& fine) const {
-  const IndexBox own = layout_.brickCellBox(finer_, brick);
-  const Index3 first = glm::max((fine - Index3(1)) / std::int64_t{2}, own.first / std::int64_t{2});
-  const Index3 last = glm::min(fine / std::int64_t{2}, (own.end() - Index3(1)) / std::int64_t{2});
-  bool has_leaf = false;
-  forEachIndex({first, last - first + Index3(1)}, [&](const Index3& cell) {
-    has_leaf = has_leaf || classifier_.mayRefine(level_, {cell, Index3(1)});
-  });
-  if (!has_leaf || context_.pyramid.parts().isRowAbsent(rowOf(brick))) return 0;
-  return context_.pyramid.brickRange(finer_, brick).crosses(context_.isovalue) ? 2 : 1;
+  const auto lender = lenderOf(
+      context_, finer_, fine, Worth::kLeaf,
+      [this](const Index3& brick) { return !context_.pyramid.parts().isRowAbsent(rowOf(brick)); },
+      [this](const Index3& cell) {
+        return classifier_.mayRefine(level_, {cell, Index3(1)});
+      });
+  if (lender && rows_.insert(rowOf(*lender)).second)
+    samples_.push_back({PartKind::kSamples, finer_, *lender});
 }
 
 }  // namespace isobrick

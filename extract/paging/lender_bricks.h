@@ -7,6 +7,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include "isobrick/extract/meshing/brick_family.h"
 #include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/extract/session/mesh_context.h"
@@ -35,7 +36,6 @@ class LenderBricks {
   bool mayBeCrossed(const Index3& finer_tile);
   void addLenders(const IndexBox& coarse);
   void addLender(const Index3& fine);
-  int worthOf(const Index3& brick, const Index3& fine) const;
   std::size_t rowOf(const Index3& finer_brick) const {
     return context_.pyramid.parts().brickRow(finer_, finer_brick);
   }

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/brick_table.h"
 
 namespace isobrick {
 

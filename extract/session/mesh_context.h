@@ -78,6 +78,16 @@ struct MeshContext {
       pyramid.throwIfReadsFailed(at.level, at.brick);
     });
   }
+  // Throws the Error for a brick whose samples or ranges do not fit together, so that it lacks a
+  // vertex; if their bytes could not be read, the Error of the read.
+  [[noreturn]] void failMissingVertex(const BrickWork& work) const {
+    throwIfReadsFailed();
+    throw Error("'" + pyramid.path() + "' contradicts itself in " +
+                    brickName(work.level, work.brick) +
+                    ": its samples and value ranges do not fit together; check it with 'isobrick "
+                    "verify' and build it again",
+                {.path = pyramid.path(), .level = work.level, .brick = work.brick});
+  }
   // Throws Error if the file was written to since the query began. The Error names a brick of the
   // query that has changed, if there is one; otherwise it says that one may have changed. Call it
   // when no thread works on the query any more, before its result is used. Costs one system call.

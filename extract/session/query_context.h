@@ -3,9 +3,15 @@
 
 #include <vector>
 
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/session/mesh_context.h"
+#include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
+
+// Throws Error if a number is not finite or out of its range, if parts of the query exclude each
+// other, and if the pyramid lacks what the query needs.
+void checkQuery(const Pyramid& pyramid, const Query& query);
 
 // The inputs of the workers of one query.
 class QueryContext {

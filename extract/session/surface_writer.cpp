@@ -3,16 +3,16 @@
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <atomic>
 #include <bit>
 #include <thread>
 #include <unordered_map>
 
-#include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
+#include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
-#include "isobrick/extract/meshing/crossed_rows.h"
-#include "isobrick/extract/meshing/missing_vertex.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/extract/session/surface_memory.h"
 #include "isobrick/storage/error.h"
@@ -227,7 +227,7 @@ class SurfaceWriter::Run {
       context_.checkCancel();
       const std::uint32_t greatest = makeTriangles(rows, first, context_.frame.mirrored(),
                                                    mesh_.triangleData() + 3 * job.first_triangle);
-      if (greatest >= job.first_vertex + job.vertices) failMissingVertex(context_, work);
+      if (greatest >= job.first_vertex + job.vertices) context_.failMissingVertex(work);
       context_.read_log.note(context_.pyramid.parts().brickRow(work.level, work.brick),
                              ReadLog::kActive);
     } else {
@@ -307,15 +307,11 @@ class SurfaceWriter::Run {
     const auto numberOf = [&](std::size_t axis, std::int64_t r) {
       return first[axis] + rows.numbers[axis][static_cast<std::size_t>(r)];
     };
-    const int last_bit = static_cast<int>((nx - 1) % 64);
     for (const std::size_t axis : {std::size_t{1}, std::size_t{2}})
       for (const std::uint32_t r : rows.crossed_rows[axis].list()) {
         const std::uint64_t* crossed = rows.crossed[axis].data() + r * words;
-        if ((crossed[words - 1] >> last_bit & 1) == 0) continue;
-        int count = 0;
-        for (std::int64_t w = 0; w < words; ++w) count += std::popcount(crossed[w]);
-        side.setLast(static_cast<int>(axis), r,
-                     numberOf(axis, r) + static_cast<std::uint32_t>(count) - 1);
+        if ((crossed[(nx - 1) / 64] >> (nx - 1) % 64 & 1) != 0)
+          side.setLast(static_cast<int>(axis), r, numberOf(axis, r) + bitsBelow(crossed, nx - 1));
       }
     for (std::int64_t k = 0; k <= nz; ++k)
       for (const int axis : {0, 2})
@@ -355,6 +351,43 @@ LevelCounts SurfaceWriter::run(const MeshContext& context, std::span<const Brick
   return visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
     return Run<typename decltype(tag)::Type>(mesh_, memory_, context, work).run();
   });
+}
+
+SurfaceJoiner::SurfaceJoiner(SurfaceMesh& mesh, const GridGeometry& geometry,
+                             VertexNumbering& numbering)
+    : mesh_(mesh), numbering_(numbering) {
+  mesh.clear(geometry);
+  parts_.swap(mesh.parts_);
+  numbering.clear();
+}
+
+void SurfaceJoiner::place(PlacedBatch& placed) {
+  const MeshBatch& batch = placed.batch;
+  placed.first_triangle = triangles_;
+  numbering_.place(placed);
+  triangles_ += batch.triangles.size() / 3;
+  mesh_.openFor(numbering_.count(), triangles_);
+  parts_.push_back({placed.first_vertex, numbering_.count() - placed.first_vertex,
+                    placed.first_triangle, batch.triangles.size() / 3, batch.origin, batch.level});
+}
+
+void SurfaceJoiner::write(PlacedBatch& placed) {
+  const MeshBatch& batch = placed.batch;
+  forEachNewRun(placed, [&](std::size_t begin, std::size_t end, std::uint64_t number) {
+    std::copy(&batch.positions[begin], &batch.positions[begin] + (end - begin),
+              mesh_.positionData() + number);
+    std::copy(&batch.normals[begin], &batch.normals[begin] + (end - begin),
+              mesh_.normalData() + number);
+  });
+  findNumbers(placed);
+  std::uint32_t* out = mesh_.triangleData() + 3 * placed.first_triangle;
+  for (const std::uint32_t vertex : batch.triangles) *out++ = placed.numbers[vertex];
+}
+
+void SurfaceJoiner::finish() {
+  mesh_.parts_.swap(parts_);
+  mesh_.vertices_ = numbering_.count();
+  mesh_.triangles_ = triangles_;
 }
 
 }  // namespace isobrick

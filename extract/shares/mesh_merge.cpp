@@ -12,12 +12,9 @@
 
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/shares/share_format.h"
-#include "isobrick/extract/shares/surface_identity.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/file_io.h"
-#include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/stored_grid.h"
-#include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {

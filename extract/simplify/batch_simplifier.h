@@ -12,8 +12,7 @@
 #include "isobrick/extract/simplify/corner_table.h"
 #include "isobrick/extract/simplify/deviation.h"
 #include "isobrick/extract/simplify/edge_costs.h"
-#include "isobrick/extract/simplify/quadric.h"
-#include "isobrick/extract/simplify/small_components.h"
+#include "isobrick/extract/sinks/batch_components.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
 

@@ -5,7 +5,6 @@
 #include <mutex>
 #include <string>
 
-#include "isobrick/extract/sinks/byte_pointer.h"
 #include "isobrick/extract/sinks/gltf_text.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"

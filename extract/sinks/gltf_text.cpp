@@ -3,7 +3,6 @@
 #include <charconv>
 #include <cmath>
 
-#include "isobrick/extract/sinks/byte_pointer.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 
 namespace isobrick {

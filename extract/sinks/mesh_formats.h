@@ -1,7 +1,9 @@
-// The mesh formats behind makeMeshFileSink().
+// The mesh formats behind makeMeshFileSink(), and how they put numbers into bytes.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <memory>
 #include <string>
@@ -10,6 +12,24 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 
 namespace isobrick {
+
+// Writes the bytes of values, as this machine has them, into memory that is large enough.
+class BytePointer {
+ public:
+  explicit BytePointer(std::byte* at) : at_(at) {}
+  template <typename... Values>
+  void put(Values... values) {
+    (putOne(values), ...);
+  }
+
+ private:
+  template <typename V>
+  void putOne(V value) {
+    std::memcpy(at_, &value, sizeof value);
+    at_ += sizeof value;
+  }
+  std::byte* at_;
+};
 
 std::unique_ptr<MeshFileSink> makePlySink(const std::string& path, const MeshFileOptions& options);
 std::unique_ptr<MeshFileSink> makeStlSink(const std::string& path, const MeshFileOptions& options);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <limits>
 #include <mutex>
 #include <vector>
@@ -9,6 +10,12 @@
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
+
+// The square of the distance. The triangle a, b, c may be a line or a point (Ericson, Real-Time
+// Collision Detection, 2005, 5.1.5: by the region of the triangle's plane that the point lies
+// over).
+double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
+                       const glm::dvec3& c);
 
 // Thread-safe. The result does not depend on the order of the batches.
 class NearestParts {

@@ -1,5 +1,4 @@
 // Binary PLY.
-#include "isobrick/extract/sinks/byte_pointer.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"

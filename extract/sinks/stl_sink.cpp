@@ -6,7 +6,6 @@
 #include <mutex>
 #include <string>
 
-#include "isobrick/extract/sinks/byte_pointer.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"

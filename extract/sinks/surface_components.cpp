@@ -14,7 +14,6 @@
 #include <utility>
 
 #include "isobrick/extract/sinks/batch_components.h"
-#include "isobrick/extract/sinks/disjoint_sets.h"
 #include "isobrick/extract/sinks/edge_vertex_map.h"
 #include "isobrick/extract/sinks/nearest_parts.h"
 #include "isobrick/storage/error.h"

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/extract/sinks/byte_pointer.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"

@@ -11,7 +11,7 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/usable_geometry.h"
+#include "isobrick/storage/stored_grid.h"
 
 namespace isobrick {
 namespace {

@@ -13,8 +13,8 @@
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
-#include "isobrick/storage/name_of_hdf5.h"
 
 namespace isobrick {
 namespace {

@@ -23,7 +23,7 @@
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/name_of_hdf5.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {

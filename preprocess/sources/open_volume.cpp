@@ -12,7 +12,6 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
-#include "isobrick/storage/name_of_hdf5.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote_options.h"
 

@@ -13,7 +13,6 @@ namespace {
 
 // The header, and whatever lies behind it in the same packets.
 constexpr std::uint64_t kFirstBytes = 4096;
-constexpr std::size_t kMostTexts = 256;
 constexpr double kFirstPause = 0.25, kLongestBackOff = 8;  // seconds
 
 constexpr const char* kAbandoned =
@@ -39,13 +38,12 @@ void forEachPiece(const ByteRange& range, F&& f) {
 HttpConnections::HttpConnections(const RemoteOptions& options)
     : transfers(stallSecondsOf(options)) {}
 
-HttpRanges::HttpRanges(std::string name, const std::string& url,
-                       std::unique_ptr<RequestSigner> signer, const RemoteOptions& options,
-                       std::shared_ptr<HttpConnections> connections)
+HttpRanges::HttpRanges(std::string name, const std::string& url, std::unique_ptr<S3Object> object,
+                       const RemoteOptions& options, std::shared_ptr<HttpConnections> connections)
     : name_(std::move(name)),
       url_(url),
       most_tries_(std::max(options.tries, 1)),
-      signer_(std::move(signer)),
+      object_(std::move(object)),
       shared_(std::move(connections)),
       mutex_(shared_->mutex) {
   shared_->transfers.enter(*this);
@@ -83,7 +81,7 @@ void HttpRanges::open(const CancelFlag* cancel) {
 }
 
 std::string HttpRanges::identity() const {
-  return (signer_ != nullptr ? signer_->requestNow().url : url_) + "\n" + file_.etag + "\n" +
+  return (object_ != nullptr ? object_->url() : url_) + "\n" + file_.etag + "\n" +
          file_.last_modified + "\n" + std::to_string(file_.bytes);
 }
 
@@ -100,11 +98,11 @@ void HttpRanges::abandon() {
   changed_.notify_all();
 }
 
-RangeReader::Failure HttpRanges::read(const ByteRange& range, std::byte* out) {
+void HttpRanges::read(const ByteRange& range, std::byte* out) {
   std::unique_lock lock(mutex_);
   if (range.offset + range.bytes <= beginning_->range.bytes) {
     std::memcpy(out, beginning_->data.get() + range.offset, range.bytes);
-    return nullptr;
+    return;
   }
   // All of them are asked for before the first is waited for.
   std::vector<Wanted> pieces;
@@ -116,12 +114,20 @@ RangeReader::Failure HttpRanges::read(const ByteRange& range, std::byte* out) {
     pieces.push_back(wanted);
   });
   shared_->transfers.wake();
-  Failure failure = nullptr;
+  using enum WantedRange::State;
+  Wanted missing;
   for (const Wanted& wanted : pieces) {
-    const Failure why = await(lock, wanted, out + (wanted->range.offset - range.offset));
-    if (failure == nullptr) failure = why;
+    changed_.wait(
+        lock, [&] { return is_abandoned_ || wanted->state == kHere || wanted->state == kFailed; });
+    if (wanted->state == kHere)
+      std::memcpy(out + (wanted->range.offset - range.offset), wanted->data.get(),
+                  wanted->range.bytes);
+    else if (missing == nullptr)
+      missing = wanted;
+    if (--wanted->readers == 0) forget(wanted);
   }
-  return failure;
+  if (missing != nullptr)
+    throw ReadFailure(missing->state == kFailed ? missing->failure : kAbandoned);
 }
 
 // The range as others want it, or as a new one in the queue.
@@ -133,21 +139,6 @@ RangeQueue::Wanted HttpRanges::want(const ByteRange& range) {
     queue_.push(wanted);
   }
   return wanted;
-}
-
-// Called by one of its readers, which leaves.
-RangeReader::Failure HttpRanges::await(std::unique_lock<std::mutex>& lock, const Wanted& wanted,
-                                       std::byte* out) {
-  using enum WantedRange::State;
-  changed_.wait(
-      lock, [&] { return is_abandoned_ || wanted->state == kHere || wanted->state == kFailed; });
-  Failure failure = wanted->state == kFailed ? wanted->failure : nullptr;
-  if (wanted->state == kHere)
-    std::memcpy(out, wanted->data.get(), wanted->range.bytes);
-  else if (failure == nullptr)
-    failure = kAbandoned;
-  if (--wanted->readers == 0) forget(wanted);
-  return failure;
 }
 
 void HttpRanges::takeFromAhead(WantedRange& wanted) {
@@ -191,12 +182,6 @@ void HttpRanges::announce(std::span<const ByteRange> ranges) {
     last_announced_ = Clock::now();
   }
   shared_->transfers.wake();
-}
-
-// Readers keep pointers to it.
-const char* HttpRanges::interned(const std::string& text) {
-  if (texts_.size() >= kMostTexts && !texts_.contains(text)) return "";
-  return texts_.insert(text).first->c_str();
 }
 
 // ---- on the thread of the transfers
@@ -243,13 +228,7 @@ HttpRequest HttpRanges::requestFor(Joined& joined) {
   request.first = joined.first;
   request.last = joined.last;
   request.headers = sameFileHeaders(file_);
-  // A signature is for one host.
-  request.follows_redirects = signer_ == nullptr;
-  if (signer_ != nullptr) {
-    AddressedRequest addressed = signer_->requestNow();
-    request.url = std::move(addressed.url);
-    for (std::string& header : addressed.headers) request.headers.push_back(std::move(header));
-  }
+  if (object_ != nullptr) object_->address(request);
   underway_.emplace(request.id, std::move(joined));
   return request;
 }
@@ -318,7 +297,7 @@ void HttpRanges::onEnd(std::uint64_t id, const HttpEnd& end) {
       outcome.text = "the server sends fewer bytes than it was asked for; try again later";
     }
     if (outcome.is_whole) {
-      if (signer_ == nullptr && !end.url.empty() && !joined.is_shortcut && end.url != url_)
+      if (object_ == nullptr && !end.url.empty() && !joined.is_shortcut && end.url != url_)
         redirected_url_ = end.url;
       finish(joined);
     } else if (isToRepeat(joined, outcome)) {
@@ -334,9 +313,9 @@ bool HttpRanges::isToRepeat(Joined& joined, const HttpEnd& end) {
   using Kind = HttpVerdict::Kind;
   const Kind kind = end.was_refused ? joined.verdict.kind : Kind::kNever;
   joined.not_before = Clock::now();
-  if (kind == Kind::kRegion && signer_ != nullptr && !joined.had_other_region) {
+  if (kind == Kind::kRegion && object_ != nullptr && !joined.had_other_region) {
     joined.had_other_region = true;
-    signer_->useRegion(joined.verdict.bucket_region);
+    object_->useRegion(joined.verdict.bucket_region);
     return true;
   }
   // The address that an earlier request was redirected to may serve for a while only.
@@ -365,10 +344,9 @@ void HttpRanges::fail(const Joined& joined, const std::string& text) {
       joined.tries > 1 ? " (tried " + std::to_string(joined.tries) + " times)" : "";
   std::string whole = (is_open_ ? "cannot be read: " : "") + text;
   whole.insert(std::min(whole.find(';'), whole.size()), tries);
-  const char* const failure = interned(whole);
   for (const Wanted& wanted : joined.wanted) {
     wanted->state = WantedRange::State::kFailed;
-    wanted->failure = failure;
+    wanted->failure = whole;
     if (wanted->readers == 0) forget(wanted);  // a later read asks again
   }
 }

@@ -8,7 +8,6 @@
 #include <memory>
 #include <mutex>
 #include <random>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -17,7 +16,7 @@
 #include "isobrick/storage/remote/http_answer.h"
 #include "isobrick/storage/remote/http_transfers.h"
 #include "isobrick/storage/remote/range_queue.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote/s3_object.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
@@ -56,13 +55,14 @@ class HttpRanges final : public RangeReader, private HttpClient {
   static constexpr std::chrono::microseconds kLinger{1000};
   static constexpr std::uint64_t kMostAheadBytes = std::uint64_t{64} << 20;
 
-  // `name` is for messages. Waits for the file's first bytes. `signer` may be null. Throws Error.
-  HttpRanges(std::string name, const std::string& url, std::unique_ptr<RequestSigner> signer,
+  // `name` is for messages; `object` is null, or what the URL is of. Waits for the file's first
+  // bytes. Throws Error.
+  HttpRanges(std::string name, const std::string& url, std::unique_ptr<S3Object> object,
              const RemoteOptions& options, std::shared_ptr<HttpConnections> connections);
   ~HttpRanges() override;
 
   std::uint64_t size() const override { return file_.bytes; }
-  [[nodiscard]] Failure read(const ByteRange& range, std::byte* out) override;
+  void read(const ByteRange& range, std::byte* out) override;
   void announce(std::span<const ByteRange> ranges) override;
   void abandon() override;
   std::string identity() const override;
@@ -85,11 +85,9 @@ class HttpRanges final : public RangeReader, private HttpClient {
 
   void open(const CancelFlag* cancel);
   Wanted want(const ByteRange& range);
-  Failure await(std::unique_lock<std::mutex>& lock, const Wanted& wanted, std::byte* out);
   void takeFromAhead(WantedRange& wanted);
   void forget(const Wanted& wanted);
   bool makeRoom(std::uint64_t bytes);
-  const char* interned(const std::string& text);
   HttpRequest requestFor(Joined& joined);
   void finish(const Joined& joined);
   void fail(const Joined& joined, const std::string& text);
@@ -103,7 +101,7 @@ class HttpRanges final : public RangeReader, private HttpClient {
   const std::string name_;
   const std::string url_;
   const int most_tries_;
-  const std::unique_ptr<RequestSigner> signer_;
+  const std::unique_ptr<S3Object> object_;
 
   const std::shared_ptr<HttpConnections> shared_;
   std::mutex& mutex_;  // that of all; guards all below
@@ -118,7 +116,6 @@ class HttpRanges final : public RangeReader, private HttpClient {
   std::map<std::pair<std::uint64_t, std::uint64_t>, Wanted> wanted_;  // by offset and bytes
   std::map<std::uint64_t, Joined> underway_;
   std::vector<Joined> delayed_;  // that are to be sent again
-  std::set<std::string> texts_;  // of failures, which readers point to
   RemoteCounters counters_;
   std::minstd_rand random_{std::random_device{}()};
 };

@@ -15,7 +15,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
-#include "isobrick/storage/remote/trimmed.h"
 
 namespace isobrick {
 namespace {
@@ -72,6 +71,11 @@ class Exchange {
     set(CURLOPT_FOLLOWLOCATION, follows_ ? 1L : 0L);
     set(CURLOPT_MAXREDIRS, static_cast<long>(HttpTransfers::kMostRedirects));
     set(CURLOPT_REDIR_PROTOCOLS_STR, is_secure ? "https" : "http,https");
+    if (request.signature) {
+      set(CURLOPT_AWS_SIGV4, ("aws:amz:" + request.signature->region + ":s3").c_str());
+      set(CURLOPT_USERNAME, request.signature->id.c_str());
+      set(CURLOPT_PASSWORD, request.signature->secret.c_str());
+    }
     set(CURLOPT_NETRC, static_cast<long>(CURL_NETRC_OPTIONAL));
     set(CURLOPT_SUPPRESS_CONNECT_HEADERS, 1L);
     set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(1000 * HttpTransfers::kConnectSeconds));

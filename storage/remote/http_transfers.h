@@ -14,14 +14,20 @@
 
 namespace isobrick {
 
+// What signs a request to S3: version 4 of Amazon's signatures.
+struct S3Signature {
+  std::string id, secret, region;
+};
+
 // A GET of the bytes first .. last, both included.
 struct HttpRequest {
   std::uint64_t id = 0;  // the client's
   std::string url;       // http:// or https://
   std::uint64_t first = 0, last = 0;
   std::vector<std::string> headers;  // more of them, a whole line each
-  bool follows_redirects = true;     // at most HttpTransfers::kMostRedirects, and never to http://
-                                     // from https://
+  std::optional<S3Signature> signature;
+  bool follows_redirects = true;  // at most HttpTransfers::kMostRedirects, and never to http://
+                                  // from https://
 };
 
 // The last answer to a request, before its body. Texts are as the server sent them, "" if it did

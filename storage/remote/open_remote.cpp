@@ -1,7 +1,6 @@
 #include "isobrick/storage/remote/open_remote.h"
 
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/remote/remote_address.h"
 
 #if ISOBRICK_WITH_HTTP
 #include "isobrick/storage/lowercase.h"
@@ -18,10 +17,10 @@ std::shared_ptr<HttpConnections> makeHttpConnections(const RemoteOptions& option
 
 std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions& options,
                                               std::shared_ptr<HttpConnections> connections) {
-  std::unique_ptr<RequestSigner> signer;
+  std::unique_ptr<S3Object> object;
   if (lowercase(url.substr(0, 5)) == "s3://")
-    signer = std::make_unique<S3Object>(url, findS3Account(systemSurroundings()));
-  return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(signer), options,
+    object = std::make_unique<S3Object>(url, findS3Account(systemSurroundings()));
+  return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(object), options,
                                       std::move(connections));
 }
 #else

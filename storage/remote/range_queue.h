@@ -5,6 +5,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "isobrick/storage/range_reader.h"
@@ -21,7 +22,7 @@ struct WantedRange {
   int readers = 0;          // that wait for it
   std::uint64_t ahead = 0;  // its number among those that are not read yet; 0: it is none of them
   std::unique_ptr<std::byte[]> data;
-  const char* failure = "";  // of a failed one
+  std::string failure;  // of a failed one
 
   std::uint64_t end() const { return range.offset + range.bytes; }
 };

@@ -1,7 +1,9 @@
 #include "isobrick/storage/remote/sha256.h"
 
+#include <array>
 #include <bit>
 #include <cstddef>
+#include <cstdint>
 
 namespace isobrick {
 namespace {
@@ -50,7 +52,7 @@ void addBlock(State& state, const char* block) {
 
 }  // namespace
 
-Sha256 sha256(std::string_view text) {
+std::string sha256(std::string_view text) {
   State state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
                  0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
   // A one, zeros, and the number of bits end a block.
@@ -62,33 +64,10 @@ Sha256 sha256(std::string_view text) {
   for (std::size_t at = 0; at + kBlockBytes <= text.size(); at += kBlockBytes)
     addBlock(state, text.data() + at);
   for (std::size_t at = 0; at < rest.size(); at += kBlockBytes) addBlock(state, rest.data() + at);
-  Sha256 hash{};
-  for (std::size_t i = 0; i < hash.size(); ++i)
-    hash[i] = static_cast<std::uint8_t>(state[i / 4] >> (24 - 8 * (i % 4)) & 0xff);
-  return hash;
-}
-
-Sha256 hmacSha256(std::string_view key, std::string_view text) {
-  std::string block = key.size() > kBlockBytes ? bytesOf(sha256(key)) : std::string(key);
-  block.resize(kBlockBytes, '\0');
-  std::string inner = block, outer = block;
-  for (char& byte : inner) byte = static_cast<char>(byte ^ 0x36);
-  for (char& byte : outer) byte = static_cast<char>(byte ^ 0x5c);
-  return sha256(outer + bytesOf(sha256(inner.append(text))));
-}
-
-std::string hexText(const Sha256& hash) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string text;
-  for (const std::uint8_t byte : hash) {
-    text += kDigits[byte >> 4];
-    text += kDigits[byte & 15];
-  }
-  return text;
-}
-
-std::string bytesOf(const Sha256& hash) {
-  return {reinterpret_cast<const char*>(hash.data()), hash.size()};
+  std::string digits;
+  for (const std::uint32_t word : state)
+    for (int shift = 28; shift >= 0; shift -= 4) digits += "0123456789abcdef"[word >> shift & 15];
+  return digits;
 }
 
 }  // namespace isobrick

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <vector>
 
-#include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
+#include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
 #include "isobrick/storage/index_loop.h"
 

@@ -11,7 +11,7 @@
 #include <random>
 
 #include "isobrick/extract/sinks/indexed_mesh.h"
-#include "isobrick/extract/sinks/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_parts.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/mesh_components.h"

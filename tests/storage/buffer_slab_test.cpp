@@ -302,8 +302,7 @@ TEST(PagerSlab, GapsThatAreTooShortAreMadeLonger) {
   Random random(5);
   for (int round = 0; round < 1000; ++round) {
     const std::size_t id = randomBelow(random, made.parts.size());
-    const char* why = "";
-    ASSERT_TRUE(holdsPart(made, id, pager.acquire(id, &why))) << why;
+    ASSERT_TRUE(holdsPart(made, id, pager.acquire(id)));
     pager.release(id);
     ASSERT_LE(pager.heldBytes(), budget);
   }
@@ -321,8 +320,7 @@ TEST(PagerSlab, WhatIsInUseMayExceedTheSlab) {
   BrickPager pager(file, made.parts, kHugePage);
   for (int round = 0; round < 2; ++round) {
     std::vector<const std::byte*> held;
-    const char* why = "";
-    for (std::size_t id = 0; id < made.parts.size(); ++id) held.push_back(pager.acquire(id, &why));
+    for (std::size_t id = 0; id < made.parts.size(); ++id) held.push_back(pager.acquire(id));
     for (std::size_t id = 0; id < made.parts.size(); ++id) {
       EXPECT_TRUE(holdsPart(made, id, held[id]));
       pager.release(id);
@@ -339,8 +337,7 @@ TEST(PagerSlab, APartLongerThanTheSlabIsOfTheHeap) {
   const PagedFile file(made.path, FileAccess::kRead);
   BrickPager pager(file, made.parts, kHugePage);
   for (const std::size_t id : {0, 1}) {
-    const char* why = "";
-    EXPECT_TRUE(holdsPart(made, id, pager.acquire(id, &why)));
+    EXPECT_TRUE(holdsPart(made, id, pager.acquire(id)));
     pager.release(id);
     EXPECT_EQ(pager.heldBytes(), 0u);
   }
@@ -360,8 +357,7 @@ TEST(PagerSlab, WithoutAddressesTheHeapServes) {
     if (setrlimit(RLIMIT_AS, &limit) != 0) return 2;
     int good = 0;
     for (std::size_t id = 0; id < made.parts.size(); ++id) {
-      const char* why = "";
-      good += holdsPart(made, id, pager.acquire(id, &why));
+      good += holdsPart(made, id, pager.acquire(id));
       pager.release(id);
     }
     return good == 4 && pager.counters().buffers_beside == 4 ? 0 : 3;
@@ -392,9 +388,8 @@ TEST(PagerSlab, PartsInPlaceAndBuffersShareTheBudget) {
   const std::uint64_t budget = 12 * kHugePage;
   BrickPager pager(file, made.parts, budget);
   const auto take = [&](std::size_t id) {
-    const char* why = "";
-    const std::byte* const data = pager.acquire(id, &why);
-    ASSERT_NE(data, nullptr) << why;
+    const std::byte* const data = pager.acquire(id);
+    ASSERT_NE(data, nullptr);
     EXPECT_EQ(data[0], static_cast<std::byte>(1 + id % 100));
     pager.release(id);
   };

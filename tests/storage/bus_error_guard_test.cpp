@@ -17,8 +17,8 @@
 #include <thread>
 #include <vector>
 
+#include "isobrick/storage/bus_error_guard.h"
 #include "isobrick/storage/paged_file.h"
-#include "isobrick/storage/range_slot.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temporary_folder.h"
 

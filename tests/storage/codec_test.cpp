@@ -23,6 +23,7 @@
 #include "isobrick/storage/brick_pager.h"
 #include "isobrick/storage/checksum.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/refused_part.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -498,9 +499,8 @@ TEST(PackedPager, KeepsTheBudget) {
   BrickPager pager(file, made.parts, budget);
   std::uint64_t file_bytes = 0, unpacked = 0;
   for (std::size_t i = 0; i < made.parts.size(); ++i) {
-    const char* why = "";
-    const std::byte* data = pager.acquire(i, &why);
-    ASSERT_TRUE(holdsElements(made, i, data)) << i << why;
+    const std::byte* data = pager.acquire(i);
+    ASSERT_TRUE(holdsElements(made, i, data)) << i;
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(data) % 64, 0u);
     EXPECT_LE(pager.heldBytes(), budget);
     pager.release(i);
@@ -513,8 +513,7 @@ TEST(PackedPager, KeepsTheBudget) {
   EXPECT_EQ(counters.bytes_unpacked, unpacked);
   EXPECT_EQ(counters.buffers_beside, 0u);
   // The last ones are still there.
-  const char* why = "";
-  EXPECT_TRUE(holdsElements(made, 59, pager.acquire(59, &why)));
+  EXPECT_TRUE(holdsElements(made, 59, pager.acquire(59)));
   EXPECT_EQ(pager.counters().parts_read, made.parts.size());
   pager.release(59);
 }
@@ -525,12 +524,11 @@ TEST(PackedPager, ABudgetSmallerThanAPartStillWorks) {
   const PagedFile file(made.path);
   for (const std::uint64_t budget : {0, 1000}) {
     BrickPager pager(file, made.parts, budget);
-    const char* why = "";
     for (std::size_t i = 0; i + 1 < made.parts.size(); ++i) {
       // Two at once, one of them twice.
-      const std::byte* first = pager.acquire(i, &why);
-      const std::byte* second = pager.acquire(i + 1, &why);
-      EXPECT_EQ(pager.acquire(i, &why), first);
+      const std::byte* first = pager.acquire(i);
+      const std::byte* second = pager.acquire(i + 1);
+      EXPECT_EQ(pager.acquire(i), first);
       pager.release(i);
       EXPECT_TRUE(holdsElements(made, i, first) && holdsElements(made, i + 1, second));
       pager.release(i);
@@ -552,14 +550,12 @@ TEST(PackedPager, BytesThatCannotBeUnpackedAreDamage) {
   BrickPager pager(file, made.parts, 1 << 20);
   for (int round = 0; round < 2; ++round)
     for (const std::size_t id : {1, 2, 4}) {
-      const char* why = "";
-      EXPECT_EQ(pager.acquire(id, &why), nullptr);
-      EXPECT_NE(std::string(why).find(id == 4 ? "checksum" : "unpacked"), std::string::npos) << why;
+      const std::string why = whyRefused(pager, id);
+      EXPECT_NE(why.find(id == 4 ? "checksum" : "unpacked"), std::string::npos) << why;
     }
   EXPECT_EQ(pager.heldBytes(), 0u);
   EXPECT_EQ(pager.counters().parts_read, 0u);
-  const char* why = "";
-  EXPECT_TRUE(holdsElements(made, 5, pager.acquire(5, &why)));
+  EXPECT_TRUE(holdsElements(made, 5, pager.acquire(5)));
   pager.release(5);
 }
 

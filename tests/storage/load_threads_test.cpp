@@ -1,11 +1,11 @@
 // Threads that load parts for callers who may leave.
-#include "isobrick/storage/load_threads.h"
-
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <barrier>
 #include <memory>
+
+#include "isobrick/storage/abandonable.h"
 
 namespace isobrick::test {
 namespace {

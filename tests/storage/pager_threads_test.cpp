@@ -20,6 +20,7 @@
 #include "tests/support/child_process.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/refused_part.h"
 #include "tests/support/temporary_folder.h"
 #include "tools/bench/page_cache.h"
 
@@ -91,8 +92,7 @@ TEST_P(PagerThreads, EachGetsWhatItAsksForWithinTheBudget) {
         for (std::size_t& id : held) {
           // Half the time the same few parts, so that threads meet.
           id = randomBelow(random, random() % 2 == 0 ? 4 : parts_.size());
-          const char* why = "";
-          if (!holdsElements(id, pager.acquire(id, &why))) ++wrong;
+          if (!holdsElements(id, pager.acquire(id))) ++wrong;
         }
         for (const std::size_t id : held) pager.release(id);
       }
@@ -137,9 +137,8 @@ TEST_P(PagerThreads, APartIsLoadedOnceForAllWhoWantIt) {
     threads.emplace_back([&] {
       for (std::size_t round = 0; round < 100; ++round) {
         const std::size_t id = 3 * (round % (parts_.size() / 3)) + 1;
-        const char* why = "";
         all.arrive_and_wait();
-        if (!holdsElements(id, pager.acquire(id, &why))) ++wrong;
+        if (!holdsElements(id, pager.acquire(id))) ++wrong;
         all.arrive_and_wait();
         pager.release(id);
       }
@@ -167,11 +166,8 @@ TEST_P(PagerThreads, AllWhoWaitHearOfDamage) {
   for (int t = 0; t < 4; ++t)
     threads.emplace_back([&] {
       for (int round = 0; round < 20; ++round) {
-        const char* why = "";
         all.arrive_and_wait();
-        if (pager.acquire(1, &why) == nullptr &&
-            std::string(why).find("checksum") != std::string::npos)
-          ++told;
+        if (whyRefused(pager, 1).find("checksum") != std::string::npos) ++told;
       }
     });
   for (std::thread& thread : threads) thread.join();
@@ -194,8 +190,7 @@ TEST_P(PagerThreads, WhatIsAnnouncedIsReadByTheSystemAndCountsNowhere) {
   for (int n = 0; is_cold && n < 10000 && cachedShare(path_) < 0.9; ++n)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_GE(cachedShare(path_), 0.9);
-  const char* why = "";
-  EXPECT_TRUE(holdsElements(0, pager.acquire(0, &why)));
+  EXPECT_TRUE(holdsElements(0, pager.acquire(0)));
   const std::size_t resident = 0;
   pager.announce({&resident, 1});
   pager.release(0);
@@ -205,8 +200,7 @@ TEST_P(PagerThreads, WhatIsWithdrawnMakesRoom) {
   const PagedFile file(path_, GetParam().access);
   BrickPager pager(file, parts_, GetParam().budget_bytes);
   const auto take = [&](std::size_t id) {
-    const char* why = "";
-    EXPECT_TRUE(holdsElements(id, pager.acquire(id, &why)));
+    EXPECT_TRUE(holdsElements(id, pager.acquire(id)));
     pager.release(id);
   };
   pager.beginQuery();
@@ -234,10 +228,9 @@ TEST_P(PagerThreads, WhatIsFetchedIntoRoomPushesNothingOutThatIsUsed) {
   for (std::size_t id = 0; id < parts_.size(); ++id) pager.fetch(id);  // more than the budget
   const std::uint64_t since = pager.beginQuery();
   EXPECT_GT(since, old_query);
-  const char* why = "";
   std::vector<std::size_t> taken;
   for (std::size_t id = 0; id < 3; ++id)
-    if (pager.acquire(id, &why) != nullptr) taken.push_back(id);
+    if (pager.acquire(id) != nullptr) taken.push_back(id);
   for (const std::size_t id : taken) pager.release(id);
   std::atomic<std::uint64_t> most{0}, came{0}, refused{0};
   std::vector<std::thread> threads;
@@ -265,7 +258,7 @@ TEST_P(PagerThreads, WhatIsFetchedIntoRoomPushesNothingOutThatIsUsed) {
   // All that came in is there still, and so is what the query took.
   const std::uint64_t misses = pager.missCount();
   for (const std::size_t id : taken) {
-    EXPECT_TRUE(holdsElements(id, pager.acquire(id, &why)));
+    EXPECT_TRUE(holdsElements(id, pager.acquire(id)));
     pager.release(id);
   }
   EXPECT_EQ(pager.missCount(), misses);
@@ -302,8 +295,7 @@ TEST_P(PagerThreads, APartWithoutRoomIsRefusedAndComesInForWhoNeedsIt) {
   }
   EXPECT_EQ(pager.heldBytes(), cost);
   EXPECT_EQ(pager.counters().parts_released, 0u);
-  const char* why = "";
-  EXPECT_TRUE(holdsElements(0, pager.acquire(0, &why)));
+  EXPECT_TRUE(holdsElements(0, pager.acquire(0)));
   pager.release(0);
   EXPECT_EQ(pager.counters().parts_released, 1u);
   // Another query that asks for another surface may push out what this one took.
@@ -321,8 +313,7 @@ TEST_P(PagerThreads, AHitMakesNoSystemCall) {
   const PagedFile file(path_, GetParam().access);
   BrickPager pager(file, parts_, 1 << 20);
   const auto hit = [&](std::size_t id) {
-    const char* why = "";
-    const bool is_there = pager.acquire(id, &why) != nullptr;
+    const bool is_there = pager.acquire(id) != nullptr;
     if (is_there) pager.release(id);
     return is_there;
   };

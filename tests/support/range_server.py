@@ -12,6 +12,8 @@ the number of waves is the number of round trips that a client made one after th
 """
 import argparse
 import gzip
+import hashlib
+import hmac
 import json
 import os
 import re
@@ -22,6 +24,7 @@ import struct
 import sys
 import threading
 import time
+import urllib.parse
 
 ETAG = '"first"'
 MODIFIED = "Tue, 24 Nov 2026 10:00:00 GMT"
@@ -165,6 +168,31 @@ def good(handler, request, number, etag=ETAG, modified=MODIFIED, heeds=True, cha
         marks["Last_Modified"] = modified
     return handler.send(answer(206, body, Content_Range=f"bytes {request.first}-{last}/{len(data)}", **marks,
                                **fields))
+
+
+SECRET = "se/cret+key"
+
+
+def signed(handler, request, number):
+    """S3, which accepts a request only if the signature is that of SECRET."""
+    fields = dict(re.findall(r"(\w+)=([^, ]+)", request.headers.get("authorization", "")))
+    scope = fields.get("Credential", "/").split("/", 1)[1]
+    names = fields.get("SignedHeaders", "").split(";")
+    key = urllib.parse.unquote(request.path)
+    canonical = "\n".join(["GET", urllib.parse.quote(key, safe="/-._~"), "",
+                           *(f"{name}:{request.headers.get(name)}" for name in names), "",
+                           ";".join(names), request.headers.get("x-amz-content-sha256", "")])
+    text = "\n".join(["AWS4-HMAC-SHA256", request.headers.get("x-amz-date", ""), scope,
+                      hashlib.sha256(canonical.encode("latin-1")).hexdigest()])
+    signature = f"AWS4{SECRET}".encode()
+    for word in scope.split("/") + [text]:
+        signature = hmac.new(signature, word.encode(), hashlib.sha256).digest()
+    has_all = {"host", "x-amz-date", "x-amz-content-sha256"} <= set(names)
+    is_token_signed = "x-amz-security-token" in names or "x-amz-security-token" not in request.headers
+    if signature.hex() != fields.get("Signature") or not has_all or not is_token_signed:
+        return handler.send(answer(403, b"SignatureDoesNotMatch"))
+    request.name = key.rsplit("/", 1)[-1]
+    return good(handler, request, number)
 
 
 def ignores(handler, request, number):
@@ -413,7 +441,7 @@ def secret(handler, request, number):
 
 
 BEHAVIOURS = {
-    "good": good, "ignores": ignores, "ignores-without-end": ignores_without_end, "other-range": other_range,
+    "good": good, "signed": signed, "ignores": ignores, "ignores-without-end": ignores_without_end, "other-range": other_range,
     "part-of-range": part_of_range, "too-little": too_little, "too-little-unsaid": too_little_unsaid,
     "too-much": too_much, "contradicts": contradicts, "garbage": garbage, "no-http": no_http,
     "redirect": redirect, "redirect-once": redirect_once, "forgets": forgets, "nowhere": nowhere,

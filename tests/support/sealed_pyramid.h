@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/brick_table.h"
 #include "isobrick/storage/format.h"
 
 namespace isobrick::test {

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "isobrick/storage/format.h"
-#include "isobrick/storage/super_bricks.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "tests/support/command_test.h"
 #include "tests/support/range_server.h"
 

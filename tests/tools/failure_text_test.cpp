@@ -87,7 +87,6 @@ TEST_F(FailureTextTest, TheTextsOfTheCommandsNameTheirOwnOptions) {
       {"build_report.cpp", {"build"}},
       {"open_input.cpp", {"build", "convert"}},
       {"convert_command.cpp", {"convert"}},
-      {"convert_output.cpp", {"convert"}},
       {"extract_command.cpp", {"extract"}},
       {"render_command.cpp", {"render"}},
       {"picture_sequence.cpp", {"render"}},

@@ -15,7 +15,7 @@
 #include "isobrick/storage/file_system.h"
 #include "tools/bench/page_cache.h"
 #include "tools/program_run.h"
-#include "tools/thread_count.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {

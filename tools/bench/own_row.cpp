@@ -7,7 +7,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/surface_mesh.h"
 #include "tools/bench/surface_distance.h"
-#include "tools/stopwatch.h"
+#include "tools/progress_bar.h"
 
 namespace isobrick {
 namespace {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/open_descriptor.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 namespace {

@@ -18,7 +18,7 @@
 #include <span>
 #include <utility>
 
-#include "isobrick/extract/sinks/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_parts.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 

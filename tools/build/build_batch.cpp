@@ -19,7 +19,7 @@
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
-#include "tools/stopwatch.h"
+#include "tools/progress_bar.h"
 #include "tools/text_table.h"
 
 namespace isobrick {

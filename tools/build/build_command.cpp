@@ -17,8 +17,8 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/share_number.h"
-#include "isobrick/storage/super_bricks.h"
 #include "tools/build/build_batch.h"
 #include "tools/build/build_divided.h"
 #include "tools/build/build_one.h"
@@ -28,9 +28,7 @@
 #include "tools/command.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -9,16 +9,16 @@
 #include "isobrick/preprocess/super_brick_input.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/pyramid_writer.h"
-#include "isobrick/storage/super_bricks.h"
 #include "tools/build/build_report.h"
 #include "tools/build/fitting_options.h"
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/output_check.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
+#include "tools/progress_bar.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {

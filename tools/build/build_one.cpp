@@ -25,9 +25,9 @@
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
+#include "tools/progress_bar.h"
 #include "tools/pyramid_cache.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
+#include "tools/shared_options.h"
 #include "tools/volume_input.h"
 
 namespace isobrick {

@@ -14,14 +14,16 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/deviation_code.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_file.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/build/build_one.h"
-#include "tools/build/convert_output.h"
 #include "tools/build/fitting_options.h"
 #include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
@@ -29,17 +31,52 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
-#include "tools/loss_warnings.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// `pattern`: of the slices in it, or empty.
+bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
+  if (pattern.empty()) return isZarrFolder(folder);
+  const auto slices = parseNumberedName(pattern);
+  return slices && holdsNothingBut(folder, [&](const FolderMember& entry) {
+           return entry.isRegularFile() && slices->matches(entry.name());
+         });
+}
+
+// "scan.h5" for "scan.h5:/entry/data".
+std::string fileOf(const std::string& name) {
+  return isHdf5Name(name) ? splitHdf5Name(name).first : name;
+}
+
+}  // namespace
+
+// The rule of tools/output_check.h for all that convert writes: files, and folders of slices or of
+// OME-Zarr, which are replaced with `force` if nothing else is in them. `inputs`: the names that
+// the user gave, and all their files.
+void refuseConvertOutput(const std::string& output, const std::vector<std::string>& inputs,
+                         bool force) {
+  std::vector<std::string> files;
+  std::transform(inputs.begin(), inputs.end(), std::back_inserter(files), fileOf);
+  const fs::path path(fileOf(output));
+  const std::string name = path.filename().string();
+  const bool has_slices = name.find('%') != std::string::npos && path.has_parent_path();
+  const std::string place = has_slices ? path.parent_path().string() : path.string();
+  if (isFolder(place))
+    refuseReplacingFolder({place}, files, force, [&](const std::string& folder) {
+      return holdsNothingElse(folder, has_slices ? name : "");
+    });
+  else
+    refuseReplacingVolume({place}, files, force);
+}
 namespace {
 
 namespace fs = std::filesystem;

@@ -16,7 +16,7 @@
 #include "tools/extract_surface.h"
 #include "tools/interrupt.h"
 #include "tools/pyramid_cache.h"
-#include "tools/thread_count.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {

@@ -1,5 +1,10 @@
 // The subcommands of the executable `isobrick-build`, which `isobrick` starts.
+#include <fmt/format.h>
+
+#include "isobrick/preprocess/export/formats/export_volume.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "tools/command.h"
+#include "tools/json_output.h"
 
 namespace isobrick {
 
@@ -14,5 +19,24 @@ std::vector<Command> addCommands(CLI::App& app) {
 std::optional<std::string> commandOfFile(const std::string&) { return std::nullopt; }
 
 void runExternalCommand(std::string_view, char**) {}
+
+Command addVolumeFormatsCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("volume-formats", "Formats of volumes, as JSON");
+  sub->group("");  // not for people
+  return {sub, [] {
+            Json json{{"read", Json::array()}, {"write", Json::array()}};
+            for (const ReadableFormat& format : readableFormats())
+              json["read"].push_back({{"name", format.name},
+                                      {"endings", format.endings},
+                                      {"built_in", format.is_built_in}});
+            json["write"].push_back({{"ending", ".isb"}, {"levels", false}, {"built_in", true}});
+            for (const WritableFormat& format : writableFormats())
+              json["write"].push_back({{"ending", format.ending},
+                                       {"levels", format.has_levels},
+                                       {"built_in", format.is_built_in}});
+            printJson(json);
+            return 0;
+          }};
+}
 
 }  // namespace isobrick

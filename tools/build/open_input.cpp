@@ -15,7 +15,6 @@
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {

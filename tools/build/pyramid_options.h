@@ -6,7 +6,7 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tools/build/build_report.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 

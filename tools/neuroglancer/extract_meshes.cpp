@@ -9,15 +9,11 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
-#include "tools/loss_warnings.h"
 #include "tools/measured_sink.h"
-#include "tools/neuroglancer/neuroglancer_info.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
-#include "tools/stopwatch.h"
-#include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {

@@ -16,9 +16,7 @@
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
-#include "tools/parsed_option.h"
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 #include "tools/view/build_volume.h"
 
 namespace isobrick {

@@ -5,7 +5,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/name_of_hdf5.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/output_names.h"

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "isobrick/extract/kernels/row_bits.h"
+#include "isobrick/extract/meshing/brick_family.h"
 #include "isobrick/extract/meshing/corner_values.h"
-#include "isobrick/extract/meshing/sample_view.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"

@@ -17,7 +17,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/remote/open_remote.h"
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 #include "tests/support/child_process.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/random_numbers.h"
@@ -76,9 +76,11 @@ class HttpRangesTest : public testing::Test {
   // "" if the bytes are those of the file.
   std::string read(RangeReader& reader, std::uint64_t offset, std::uint64_t bytes) const {
     std::string out(bytes, '\0');
-    const char* const failure =
-        reader.read({offset, bytes}, reinterpret_cast<std::byte*>(out.data()));
-    if (failure != nullptr) return failure;
+    try {
+      reader.read({offset, bytes}, reinterpret_cast<std::byte*>(out.data()));
+    } catch (const ReadFailure& failure) {
+      return failure.what();
+    }
     return out == data_.substr(offset, bytes) ? "" : "other bytes";
   }
 
@@ -87,6 +89,26 @@ class HttpRangesTest : public testing::Test {
   const RangeServer server_{folder_.path()};
   RemoteOptions options_{.cache_folder = {}, .stall_seconds = 1, .tries = 3};
 };
+
+// The server signs what it received, as S3 does: the decoded key, encoded anew.
+TEST_F(HttpRangesTest, ServersThatCheckSignaturesAcceptOurs) {
+  const std::map<std::string, std::string> keys{{"AWS_ACCESS_KEY_ID", "id"},
+                                                {"AWS_SECRET_ACCESS_KEY", "se/cret+key"},
+                                                {"AWS_REGION", "eu-south-1"},
+                                                {"AWS_ENDPOINT_URL", server_.url("signed")}};
+  for (const auto& [name, value] : keys) setenv(name.c_str(), value.c_str(), 1);
+  for (const char* const token : {"", "to/ken+=="})
+    for (const char* const name : {"data", "date=2026-11-01 a+b.isb", "é ~'()!*&$@,;:.isb"}) {
+      setenv("AWS_SESSION_TOKEN", token, 1);
+      writeBytes(folder_.file(name), data_);
+      const auto reader = openAlone("s3://bucket/a=b/c d/" + std::string(name), options_);
+      EXPECT_EQ(read(*reader, 100'000, 50'000), "") << "with a condition, which is signed too";
+    }
+  setenv("AWS_SECRET_ACCESS_KEY", "another", 1);
+  EXPECT_THROW(openAlone("s3://bucket/data", options_), Error);
+  for (const auto& [name, value] : keys) unsetenv(name.c_str());
+  unsetenv("AWS_SESSION_TOKEN");
+}
 
 // As those of a pyramid of many files.
 TEST_F(HttpRangesTest, FilesShareOneThreadAndOneWindow) {

@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-#include "isobrick/extract/sinks/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_parts.h"
 #include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"

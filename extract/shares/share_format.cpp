@@ -1,4 +1,4 @@
-#include "isobrick/extract/shares/surface_identity.h"
+#include "isobrick/extract/shares/share_format.h"
 
 #include <algorithm>
 #include <charconv>

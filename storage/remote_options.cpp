@@ -1,4 +1,4 @@
-#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
 
 #include <algorithm>
 

@@ -1,11 +1,11 @@
 // Writing a share: every batch as a record, at a place that is decided in order.
+#include "isobrick/extract/shares/mesh_share.h"
+
 #include <cassert>
 #include <cstring>
 
-#include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/shares/share_format.h"
-#include "isobrick/extract/shares/surface_identity.h"
-#include "isobrick/extract/sinks/byte_pointer.h"
+#include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/checksum.h"

@@ -1,4 +1,4 @@
-#include "isobrick/storage/load_threads.h"
+#include "isobrick/storage/abandonable.h"
 
 #include <exception>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/brick_table.h"
 
 #include <cmath>
 #include <limits>

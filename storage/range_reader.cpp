@@ -1,4 +1,4 @@
-#include "isobrick/storage/file_ranges.h"
+#include "isobrick/storage/range_reader.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -7,7 +7,6 @@
 #include <cstring>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 
@@ -27,8 +26,8 @@ FileRanges::FileRanges(const std::string& path)
   size_ = static_cast<std::uint64_t>(status.st_size);
 }
 
-RangeReader::Failure FileRanges::read(const ByteRange& range, std::byte* out) {
-  return readBytesAt(fd(), range.offset, out, range.bytes).bytes == range.bytes ? nullptr : "";
+void FileRanges::read(const ByteRange& range, std::byte* out) {
+  if (readBytesAt(fd(), range.offset, out, range.bytes).bytes != range.bytes) throw ReadFailure();
 }
 
 void FileRanges::announce(std::span<const ByteRange> ranges) {
