@@ -63,7 +63,9 @@ class Exchange {
     const std::string range = std::to_string(request.first) + "-" + std::to_string(request.last);
     set(CURLOPT_RANGE, range.c_str());
     set(CURLOPT_USERAGENT, "isobrick");
-    set(CURLOPT_PATH_AS_IS, 1L);  // "a/../b" may be the name of an object
+    // "a/../b" may be the name of an object; later libcurls do not sign such names (S3Object
+    // refuses them).
+    set(CURLOPT_PATH_AS_IS, request.signature ? 0L : 1L);
     set(CURLOPT_PROTOCOLS_STR, "http,https");
     set(CURLOPT_HTTP_VERSION, static_cast<long>(CURL_HTTP_VERSION_2TLS));
     set(CURLOPT_PIPEWAIT, 1L);  // a second connection only if the first cannot carry more

@@ -151,6 +151,12 @@ bool isRegionName(const std::string& name) {
   });
 }
 
+// A part of a path that libcurl takes out.
+bool hasDotSegment(const std::string& key) {
+  const std::string path = "/" + key + "/";
+  return path.find("/./") != std::string::npos || path.find("/../") != std::string::npos;
+}
+
 // Every byte but letters, digits, - . _ ~ and / as %XX: libcurl signs the path as it stands.
 std::string encodedPath(std::string_view path) {
   constexpr char kDigits[] = "0123456789ABCDEF";
@@ -198,6 +204,10 @@ S3Object::S3Object(const std::string& url, S3Account account) : account_(std::mo
   if (slash != std::string::npos) key_ = place.substr(slash + 1);
   if (!isBucketName(bucket_) || key_.empty())
     throw Error("cannot open '" + url + "': it names no object; give s3://bucket/key",
+                {.path = url});
+  if (account_.keys && hasDotSegment(key_))
+    throw Error("cannot open '" + url + "': requests for a name with '.' or '..' between slashes " +
+                    "cannot be signed; copy the object to another name",
                 {.path = url});
   if (!isRegionName(account_.region))
     throw Error("cannot open '" + url + "': '" + account_.region +

@@ -145,6 +145,17 @@ TEST(S3Object, HasTheBucketInThePathElsewhere) {
   EXPECT_EQ(request.signature->region, "us-east-1");
 }
 
+// Later versions of libcurl do not sign a path as it is, but without them.
+TEST(S3Object, ASignedNameHasNoDotsBetweenSlashes) {
+  const S3Account account{
+      .keys = S3Keys{"id", "secret", ""}, .region = "us-east-1", .endpoint = {}};
+  for (const char* const url : {"s3://b/a/../c.isb", "s3://b/./c.isb", "s3://b/a/.."}) {
+    EXPECT_THROW(S3Object(url, account), Error) << url;
+    EXPECT_NO_THROW(S3Object(url, {.keys = {}, .region = "us-east-1", .endpoint = {}})) << url;
+  }
+  EXPECT_NO_THROW(S3Object("s3://b/a..b/.c.isb", account));
+}
+
 TEST(S3Object, NamesWithoutABucketOrAKeyAreRefused) {
   const S3Account account{.keys = {}, .region = "us-east-1", .endpoint = {}};
   for (const char* const url : {"s3://", "s3://bucket", "s3://bucket/", "s3:///key", "s3://b@d/key",
