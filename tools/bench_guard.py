@@ -168,7 +168,7 @@ def cells_of(row):
         change = median(h / b for b, h in zip(base, head)) if key == "seconds" else head / base if base else 1
         if key == "seconds":
             base, head = median(base), median(head)
-        cells += [f"{base / unit:.1f}", f"{head / unit:.1f}", f"{100 * (change - 1):+.0f} %"]
+        cells += [f"{base / unit:.1f}", f"{head / unit:.1f}", f"{100 * (change - 1):+.1f} %"]
     return cells
 
 
