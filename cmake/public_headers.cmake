@@ -49,6 +49,5 @@ if(ISOBRICK_WITH_VIEWER)
     viewer/color_map.h
     viewer/image.h
     viewer/offscreen_renderer.h
-    viewer/picture_notes.h
-    viewer/sphere_outline.h)
+    viewer/picture_notes.h)
 endif()

@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "isobrick/storage/abandonable.h"
-#include "isobrick/viewer/background.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/state/view_file.h"
 #include "isobrick/viewer/state/view_path.h"
 #include "isobrick/viewer/view_picture.h"

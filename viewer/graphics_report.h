@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/viewer/render/gl_limits.h"
+#include "isobrick/viewer/render/gl_device.h"
 
 namespace isobrick {
 

@@ -8,10 +8,9 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
-#include "isobrick/viewer/mesh_chunks.h"
 #include "isobrick/viewer/picture_tiles.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
-#include "isobrick/viewer/render_camera.h"
+#include "isobrick/viewer/render_mesh.h"
 
 namespace isobrick {
 namespace {

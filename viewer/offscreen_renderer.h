@@ -18,7 +18,6 @@
 
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/picture_notes.h"
-#include "isobrick/viewer/sphere_outline.h"
 
 namespace isobrick {
 

@@ -6,9 +6,9 @@
 
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/notes/draw_notes.h"
-#include "isobrick/viewer/picture_bands.h"
 #include "isobrick/viewer/picture_notes.h"
-#include "isobrick/viewer/pixel_box.h"
+#include "isobrick/viewer/picture_writer.h"
+#include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick {

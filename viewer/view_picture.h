@@ -11,8 +11,8 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/picture_bands.h"
 #include "isobrick/viewer/picture_tiles.h"
+#include "isobrick/viewer/picture_writer.h"
 #include "isobrick/viewer/session/view_session.h"
 
 namespace isobrick {

@@ -1,10 +1,10 @@
 // Meshes as chunks: the same triangles, and levels apart.
-#include "isobrick/viewer/mesh_chunks.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdint>
 #include <vector>
+
+#include "isobrick/viewer/render_mesh.h"
 
 namespace isobrick {
 namespace {

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/picture_bands.h"
 #include "isobrick/viewer/picture_writer.h"
 #include "tools/progress_bar.h"
 #include "tools/render/picture_sequence.h"

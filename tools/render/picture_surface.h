@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "isobrick/viewer/offscreen_renderer.h"
-#include "isobrick/viewer/session/view_legend.h"
+#include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 #include "tools/query_options.h"
 

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "isobrick/viewer/notes/picture_canvas.h"
+#include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/scene_handles.h"
-#include "isobrick/viewer/state/short_number.h"
 
 namespace isobrick {
 namespace {

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/notes/interface_font.h"
 
 #define STB_TRUETYPE_IMPLEMENTATION
 #define STBTT_STATIC

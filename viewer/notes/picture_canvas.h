@@ -10,6 +10,9 @@
 
 namespace isobrick {
 
+extern const unsigned char kInterfaceFont[];
+extern const int kInterfaceFontBytes;
+
 // The pixels [first, end) of a picture's width or height that [lower, upper] touches; none if a
 // bound is not a number.
 struct PixelRange {

@@ -9,13 +9,34 @@
 #include <vector>
 
 #include "isobrick/viewer/color_map.h"
+#include "isobrick/viewer/picture_notes.h"
 #include "isobrick/viewer/placed_camera.h"
-#include "isobrick/viewer/sphere_outline.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 #include "isobrick/viewer/stream/slice_store.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
+
+struct PixelBox {
+  int left = 0, top = 0;      // from the upper left corner of the picture
+  int width = 0, height = 0;  // pixels
+
+  int right() const { return left + width; }
+  int bottom() const { return top + height; }
+  bool operator==(const PixelBox&) const = default;
+};
+
+struct Background {
+  const char* name;
+  glm::vec3 top, bottom;  // sRGB, 0..1
+};
+
+// For screens, for slides, and for print.
+inline constexpr std::array<Background, 3> kBackgrounds{{
+    {"dark", {0.36f, 0.38f, 0.41f}, {0.16f, 0.17f, 0.19f}},
+    {"light", {0.96f, 0.97f, 0.98f}, {0.78f, 0.80f, 0.83f}},
+    {"white", {1.0f, 1.0f, 1.0f}, {1.0f, 1.0f, 1.0f}},
+}};
 
 struct SceneSlice {
   SliceId image = 0;

@@ -2,17 +2,49 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/vec2.hpp>
+#include <optional>
 #include <string>
 
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/pixel_box.h"
-#include "isobrick/viewer/render/depth_readback.h"
 #include "isobrick/viewer/render/scene_frame.h"
-#include "isobrick/viewer/render/scene_readback.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 #include "isobrick/viewer/stream/slice_store.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
+
+// The distance along the camera's forward axis of the surface under a pixel; none if there is only
+// background.
+struct DistanceAnswer {
+  std::uint64_t question = 0;
+  std::optional<double> distance;
+};
+
+// Asked of one frame, answered by the time of a later one: a call that waited would stop the
+// interface until the card has drawn. Used by the thread of the renderer.
+class DepthReadback {
+ public:
+  virtual ~DepthReadback() = default;
+
+  // For a pixel (from the top left) of the frame drawn last; returns the question's number. What is
+  // drawn later does not change the answer.
+  virtual std::uint64_t askDistance(const glm::dvec2& pixel) = 0;
+  // The answers that have come, one a call, in the order of the questions; nothing: not yet.
+  virtual std::optional<DistanceAnswer> takeDistance() = 0;
+};
+
+// Every call waits until the card has drawn, so none is for a frame of a window (DepthReadback).
+// Used by the thread of the renderer. Throws Error if there is no memory for it, and RendererLost.
+class SceneReadback {
+ public:
+  virtual ~SceneReadback() = default;
+
+  // The colours of the frame that was drawn last; with alpha if it was transparent.
+  virtual Image picture() = 0;
+  // The kept parts of a chunk: its vertices, triangles, origin, level and surface. Slow.
+  virtual SurfaceChunk download(ChunkId chunk) const = 0;
+};
 
 // Keeps chunks and slices until they are released, draws frames of them, and reads these back. Used
 // by one thread.

@@ -16,7 +16,6 @@
 #include <span>
 #include <vector>
 
-#include "isobrick/viewer/pixel_box.h"
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/scene_frame.h"

@@ -10,7 +10,7 @@
 #include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/scene_shaders.h"
 #include "isobrick/viewer/render/scene_view.h"
-#include "isobrick/viewer/render/shadow_pass.h"
+#include "isobrick/viewer/render/shade_pass.h"
 
 namespace isobrick {
 

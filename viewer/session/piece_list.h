@@ -12,7 +12,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/state/view_pieces.h"
+#include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/listed_components.h"
 

@@ -21,9 +21,7 @@
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/shown_volume.h"
-#include "isobrick/viewer/session/slice_views.h"
 #include "isobrick/viewer/session/surface_requests.h"
-#include "isobrick/viewer/session/view_legend.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_history.h"
@@ -180,16 +178,7 @@ class ViewSession {
   void grant(ClickedFor what, const glm::dvec3& point);
   void updateOpening();
   void updatePieces(double seconds);
-  AskedView askedView() const {
-    // A coarse level alone has no colours of pieces, and takes a list of its own for chosen ones.
-    const bool has_pieces =
-        state_.coloring == ViewColoring::kComponent ||
-        std::any_of(state_.surfaces.begin(), state_.surfaces.end(),
-                    [](const ViewSurface& surface) { return surface.pieces != PieceChoice(); });
-    const bool is_whole =
-        !has_pieces && (state_.focus.everywhere || !opening_.limit(state_).empty());
-    return {state_, interaction_.size.y, colored_by_, is_whole};
-  }
+  SurfaceWish wish() const;
   std::vector<ColoredPieces> coloredPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;

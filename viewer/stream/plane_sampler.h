@@ -3,7 +3,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/stream/slice_image.h"
+#include "isobrick/viewer/stream/slice_store.h"
 
 namespace isobrick {
 

@@ -2,13 +2,27 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <glm/vec3.hpp>
 #include <span>
+#include <vector>
 
-#include "isobrick/viewer/picture_bytes.h"
-#include "isobrick/viewer/stream/slice_image.h"
+#include "isobrick/viewer/stream/slice_store.h"
 
 namespace isobrick {
+
+// Red, green, blue and alpha of each pixel, sRGB and not premultiplied, rows from top to bottom.
+struct PictureBytes {
+  int width = 0;   // pixels
+  int height = 0;  // pixels
+  std::vector<std::uint8_t> rgba = {};
+
+  std::size_t offsetOf(int x, int y) const {
+    return 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                static_cast<std::size_t>(x));
+  }
+};
 
 // The line where the values of a slice are `isovalue`: there a surface meets the slice.
 struct SliceContour {

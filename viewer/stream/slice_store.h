@@ -2,11 +2,23 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
+#include "isobrick/storage/value_transform.h"
 #include "isobrick/viewer/stream/chunk_store.h"
-#include "isobrick/viewer/stream/slice_image.h"
 
 namespace isobrick {
+
+// Values of the volume on a parallelogram: `width` x `height` of them, the first at `corner`, the
+// last of the first row at corner + across, the first of the last row at corner + along.
+struct SliceImage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> values;      // as they are stored; NaN: nothing there
+  ValueTransform transform = {};  // from them to data units
+
+  std::uint64_t bytes() const { return values.size() * sizeof(float); }
+};
 
 // The number of a slice that a store keeps; 0 is none.
 using SliceId = std::uint32_t;

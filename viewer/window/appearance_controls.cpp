@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "isobrick/viewer/background.h"
+#include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "isobrick/viewer/state/short_number.h"
+#include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_keys.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"

@@ -7,7 +7,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
-#include "isobrick/viewer/session/output_names.h"
+#include "isobrick/viewer/session/folder_listing.h"
 
 namespace isobrick {
 namespace {

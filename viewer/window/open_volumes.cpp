@@ -8,7 +8,6 @@
 #include "isobrick/storage/name_of_hdf5.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/session/folder_listing.h"
-#include "isobrick/viewer/session/output_names.h"
 
 namespace isobrick {
 

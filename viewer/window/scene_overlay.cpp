@@ -186,7 +186,7 @@ void help(ViewSession& session, float scale) {
     // Narrow windows of a large scale have no room for the longest ones.
     const ImGuiStyle& style = ImGui::GetStyle();
     ImGui::PushTextWrapPos(size.x - 4.0f * style.WindowPadding.x - style.ScrollbarSize);
-    for (const KeyHelp& line : kKeyHelp) {
+    for (const KeyHelp& line : keyHelp()) {
       ImGui::TextColored({1.0f, 0.93f, 0.62f, 1.0f}, "%s", line.keys);
       ImGui::SameLine(230.0f * scale);
       ImGui::TextUnformatted(line.what);

@@ -6,8 +6,6 @@
 #include <algorithm>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/window/panel_keys.h"
-#include "isobrick/viewer/window/panel_style.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/window_layout.h"
 

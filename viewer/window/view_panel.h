@@ -1,6 +1,8 @@
 // The interface over the picture, and the context of Dear ImGui that it is drawn with.
 #pragma once
 
+#include <imgui.h>
+
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -8,21 +10,34 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/session/folder_listing.h"
-#include "isobrick/viewer/session/frame_report.h"
-#include "isobrick/viewer/session/slice_views.h"
+#include "isobrick/viewer/session/plane_set.h"
+#include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/slice_picture.h"
-#include "isobrick/viewer/window/clipboard.h"
 #include "isobrick/viewer/window/named_views.h"
-#include "isobrick/viewer/window/panel_texture.h"
+#include "isobrick/viewer/window/view_target.h"
 #include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
+
+// One at a time on the thread of the current context, which outlives it.
+class PanelTexture {
+ public:
+  // The pixels of a picture that has at least one. Its size may change from call to call.
+  void set(const PictureBytes& picture);
+  ImTextureID id() const;
+  bool isEmpty() const { return width_ == 0; }
+
+ private:
+  GlTexture texture_;
+  int width_ = 0, height_ = 0;
+};
 
 // Into the window of Dear ImGui that is being built. Applies the user's changes to the session's
 // state. `scale`: pixels of this screen that are one of an ordinary one.

@@ -1,6 +1,4 @@
 // The panels' colours can be read, and their font has what units and names are written with.
-#include "isobrick/viewer/window/panel_style.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <string>
 
 #include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/window/panel_tools.h"
 
 namespace isobrick {
 namespace {

@@ -1,13 +1,20 @@
-// The camera of a picture in a file: from its options to the place of the eye, without OpenGL.
+// The picture of a mesh: its chunks, and the camera from the options to the place of the eye,
+// without OpenGL.
 #pragma once
 
 #include <glm/vec3.hpp>
 #include <span>
+#include <vector>
 
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/placed_camera.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
+
+// A mesh of world positions as chunks of at most 2^18 triangles, with a common origin. Triangles
+// are sorted by their levels if `with_levels`. The scene's lattice is the world itself.
+std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels);
 
 // The place of an eye, without turning it, at which the points just fill the picture, but for a
 // margin: they lie in the middle of both directions and touch the border in one.
