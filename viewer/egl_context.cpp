@@ -57,49 +57,6 @@ std::vector<EglPlace> devicesOfMachine() {
   return devices;
 }
 
-}  // namespace
-
-std::vector<EglPlace> inOrderOfTrial(std::vector<EglPlace> devices, bool has_surfaceless) {
-  std::vector<EglPlace> places;
-  const auto add = [&](bool software) {
-    for (const EglPlace& device : devices)
-      if (device.is_software == software) places.push_back(device);
-  };
-  add(false);
-  if (has_surfaceless) places.push_back({kSurfaceless, "", false, EGL_NO_DEVICE_EXT});
-  places.push_back({kDisplay, "", false, EGL_NO_DEVICE_EXT});
-  add(true);
-  return places;
-}
-
-std::vector<EglPlace> chosenPlaces(const std::vector<EglPlace>& places, const std::string& wish) {
-  if (wish.empty()) return places;
-  std::vector<EglPlace> chosen;
-  for (const EglPlace& place : places)
-    if (place.name == wish || (wish == "software" && place.is_software)) chosen.push_back(place);
-  if (!chosen.empty()) return chosen;
-  std::string names = "software";
-  for (const EglPlace& place : places) names += ", " + place.name;
-  throw Error("cannot render: ISOBRICK_GRAPHICS is '" + wish +
-              "', which is nothing that draws here; choose one of " + names);
-}
-
-std::vector<EglPlace> eglPlaces() {
-  return inOrderOfTrial(devicesOfMachine(),
-                        hasClientExtension("EGL_EXT_platform_base") &&
-                            hasClientExtension("EGL_MESA_platform_surfaceless"));
-}
-
-EGLDisplay displayOf(const EglPlace& place) {
-  if (place.device != EGL_NO_DEVICE_EXT)
-    return eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, place.device, nullptr);
-  if (place.name == kSurfaceless)
-    return eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
-  return eglGetDisplay(EGL_DEFAULT_DISPLAY);
-}
-
-namespace {
-
 constexpr char kInstallAdvice[] =
     "install an OpenGL 4.5 driver (Debian and Ubuntu: apt install libegl1 libopengl0 "
     "libgl1-mesa-dri)";
@@ -149,6 +106,45 @@ std::string versionOf(EGLDisplay display, EGLConfig config, EGLSurface surface) 
 }
 
 }  // namespace
+
+std::vector<EglPlace> inOrderOfTrial(std::vector<EglPlace> devices, bool has_surfaceless) {
+  std::vector<EglPlace> places;
+  const auto add = [&](bool software) {
+    for (const EglPlace& device : devices)
+      if (device.is_software == software) places.push_back(device);
+  };
+  add(false);
+  if (has_surfaceless) places.push_back({kSurfaceless, "", false, EGL_NO_DEVICE_EXT});
+  places.push_back({kDisplay, "", false, EGL_NO_DEVICE_EXT});
+  add(true);
+  return places;
+}
+
+std::vector<EglPlace> chosenPlaces(const std::vector<EglPlace>& places, const std::string& wish) {
+  if (wish.empty()) return places;
+  std::vector<EglPlace> chosen;
+  for (const EglPlace& place : places)
+    if (place.name == wish || (wish == "software" && place.is_software)) chosen.push_back(place);
+  if (!chosen.empty()) return chosen;
+  std::string names = "software";
+  for (const EglPlace& place : places) names += ", " + place.name;
+  throw Error("cannot render: ISOBRICK_GRAPHICS is '" + wish +
+              "', which is nothing that draws here; choose one of " + names);
+}
+
+std::vector<EglPlace> eglPlaces() {
+  return inOrderOfTrial(devicesOfMachine(),
+                        hasClientExtension("EGL_EXT_platform_base") &&
+                            hasClientExtension("EGL_MESA_platform_surfaceless"));
+}
+
+EGLDisplay displayOf(const EglPlace& place) {
+  if (place.device != EGL_NO_DEVICE_EXT)
+    return eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, place.device, nullptr);
+  if (place.name == kSurfaceless)
+    return eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
+  return eglGetDisplay(EGL_DEFAULT_DISPLAY);
+}
 
 EglContext::EglContext() {
   requireLibraries();

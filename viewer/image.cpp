@@ -30,9 +30,6 @@ std::vector<char> encodeImage(ImageFormat format, const Image& image) {
   return file.take();
 }
 
-std::vector<char> encodePng(const Image& image) { return encodeImage(ImageFormat::kPng, image); }
-std::vector<char> encodeExr(const Image& image) { return encodeImage(ImageFormat::kExr, image); }
-
 void writeImage(const std::filesystem::path& path, const Image& image) {
   const ImageFormat format = imageFormatOf(path);
   AtomicFile file(path.string());

@@ -8,9 +8,9 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
-#include "isobrick/viewer/picture_tiles.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/render_mesh.h"
+#include "isobrick/viewer/view_picture.h"
 
 namespace isobrick {
 namespace {
@@ -39,13 +39,6 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   return frame;
 }
 
-template <typename ForEachPoint>
-WorldBox boxOfPoints(ForEachPoint&& forEachPoint) {
-  WorldBox bounds = emptyWorldBox();
-  forEachPoint([&](const glm::dvec3& point) { bounds.include(point); });
-  return bounds;
-}
-
 // From the eye to the target, or to the middle of what is framed.
 double targetDistance(const RenderOptions& options, const SceneFrame& frame) {
   if (options.look_at) return glm::distance(options.look_at->eye, options.look_at->target);
@@ -53,10 +46,6 @@ double targetDistance(const RenderOptions& options, const SceneFrame& frame) {
   const glm::dvec3 middle =
       box ? 0.5 * (glm::dvec3(box->lower) + glm::dvec3(box->upper)) : frame.bounds.center();
   return glm::dot(middle - frame.camera.eye, frame.camera.forward);
-}
-
-SceneWithNotes withNotes(const RenderOptions& options, const SceneFrame& frame) {
-  return {frame, false, options.notes, targetDistance(options, frame)};
 }
 
 void checkOptions(const RenderOptions& options) {
@@ -67,12 +56,18 @@ void checkOptions(const RenderOptions& options) {
   }
 }
 
-// Takes the rows of pictures without layers, and passes on each picture that is complete.
-std::function<void(Image rows, double share)> wholePictures(std::function<void(Image)> take) {
-  return [take = std::move(take), whole = Image{}](Image rows, double share) mutable {
-    appendRows(rows, whole);
-    if (share >= 1.0) take(std::exchange(whole, Image{}));
-  };
+template <typename ForEachPoint>
+std::vector<SceneWithNotes> scenesOf(std::span<const RenderOptions> options,
+                                     const SceneLattice& lattice, ForEachPoint&& forEachPoint) {
+  WorldBox bounds = emptyWorldBox();
+  forEachPoint([&](const glm::dvec3& point) { bounds.include(point); });
+  std::vector<SceneWithNotes> scenes;
+  for (const RenderOptions& each : options) {
+    checkOptions(each);
+    const SceneFrame frame = frameOf(each, lattice, bounds, forEachPoint);
+    scenes.push_back({frame, false, each.notes, targetDistance(each, frame)});
+  }
+  return scenes;
 }
 
 }  // namespace
@@ -134,51 +129,33 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
   assert(mesh.triangles.size() % 3 == 0);
   assert(mesh.normals.empty() || mesh.normals.size() == mesh.positions.size());
   assert(mesh.triangle_levels.empty() || mesh.triangle_levels.size() == mesh.triangles.size() / 3);
-  checkOptions(options);
   const auto forEachPoint = [&](auto&& f) {
     for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
   };
-  const SceneFrame frame =
-      frameOf(options, SceneLattice{}, boxOfPoints(forEachPoint), forEachPoint);
+  std::vector<SceneWithNotes> scenes = scenesOf({&options, 1}, SceneLattice{}, forEachPoint);
   Image picture;
-  const auto takeWhole = wholePictures([&](Image whole) { picture = std::move(whole); });
-  context_->renderEach(
-      chunksOf(mesh, options.color_by_level), {withNotes(options, frame)},
-      [&](std::size_t, Image rows, double share) { takeWhole(std::move(rows), share); });
+  context_->renderEach(chunksOf(mesh, options.color_by_level), std::move(scenes),
+                       [&](std::size_t, Image rows, double) { appendRows(rows, picture); });
   return picture;
 }
 
 Image OffscreenRenderer::render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                                 const RenderOptions& options) {
   Image picture;
-  renderEach(std::move(chunks), lattice, {&options, 1},
-             [&](Image drawn) { picture = std::move(drawn); });
+  renderRows(std::move(chunks), lattice, {&options, 1},
+             [&](std::size_t, Image rows, double) { appendRows(rows, picture); });
   return picture;
-}
-
-void OffscreenRenderer::renderEach(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
-                                   std::span<const RenderOptions> options,
-                                   const std::function<void(Image picture)>& take) {
-  const auto takeWhole = wholePictures(take);
-  renderRows(std::move(chunks), lattice, options,
-             [&](std::size_t, Image rows, double share) { takeWhole(std::move(rows), share); });
 }
 
 void OffscreenRenderer::renderRows(
     std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
     std::span<const RenderOptions> options,
     const std::function<void(std::size_t picture, Image rows, double share)>& take) {
-  const auto forEachPoint = [&](auto&& f) {
+  std::vector<SceneWithNotes> scenes = scenesOf(options, lattice, [&](auto&& f) {
     for (const SurfaceChunk& chunk : chunks)
       for (const SurfaceVertex& vertex : chunk.vertices)
         f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
-  };
-  const WorldBox bounds = boxOfPoints(forEachPoint);
-  std::vector<SceneWithNotes> scenes;
-  for (const RenderOptions& each : options) {
-    checkOptions(each);
-    scenes.push_back(withNotes(each, frameOf(each, lattice, bounds, forEachPoint)));
-  }
+  });
   context_->renderEach(std::move(chunks), std::move(scenes), take);
 }
 

@@ -125,12 +125,6 @@ class OffscreenRenderer {
   // was sent, so that no chunk is held twice.
   Image render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                const RenderOptions& options);
-  // A picture for each of several options, for which the chunks are sent once. `take` is called
-  // with one after the other.
-  void renderEach(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
-                  std::span<const RenderOptions> options,
-                  const std::function<void(Image picture)>& take);
-
   // Pictures that need not fit into memory, from top to bottom: `take` is called with a few rows
   // after the other of the picture of options[picture], whose width they have, and with the part of
   // it that they complete, 0 .. 1.

@@ -45,7 +45,7 @@ class BandEncoder {
   virtual void finish() = 0;
 };
 
-// As encodePng() and encodeExr(). PNG is packed by all processors, a megabyte at a time.
+// As encodeImage(). PNG is packed by all processors, a megabyte at a time.
 std::unique_ptr<BandEncoder> makePngEncoder(const PictureShape& shape, WriteAt write);
 std::unique_ptr<BandEncoder> makeExrEncoder(const PictureShape& shape, WriteAt write);
 std::unique_ptr<BandEncoder> makeBandEncoder(ImageFormat format, const PictureShape& shape,

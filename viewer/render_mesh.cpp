@@ -75,41 +75,6 @@ glm::dvec3 originOf(const RenderMesh& mesh) {
   return glm::round(0.5 * (glm::dvec3(box.lower) + glm::dvec3(box.upper)));
 }
 
-}  // namespace
-
-std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels) {
-  const std::size_t count = mesh.triangles.size() / 3;
-  if (count == 0) return {};
-  const bool sorted = with_levels && !mesh.triangle_levels.empty();
-  std::vector<std::size_t> order;
-  if (sorted) {
-    order.resize(count);
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return mesh.triangle_levels[a] < mesh.triangle_levels[b];
-    });
-  }
-  std::vector<SurfaceChunk> chunks;
-  const glm::dvec3 origin = originOf(mesh);
-  MeshCutter cutter(mesh, origin);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t triangle = sorted ? order[i] : i;
-    const int level = sorted ? mesh.triangle_levels[triangle] : 0;
-    if (chunks.empty() || chunks.back().level != level ||
-        chunks.back().triangles.size() == 3 * kMostTriangles) {
-      cutter.endChunk();
-      chunks.emplace_back();
-      chunks.back().origin = origin;
-      chunks.back().level = level;
-    }
-    cutter.add(triangle, chunks.back());
-  }
-  for (SurfaceChunk& chunk : chunks) boundChunk(chunk);
-  return chunks;
-}
-
-namespace {
-
 constexpr double kMargin = 1.06;
 constexpr double kLeast = -std::numeric_limits<double>::infinity();
 
@@ -147,6 +112,37 @@ void turnOrbit(const OrbitCamera& orbit, PlacedCamera& camera) {
 }
 
 }  // namespace
+
+std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels) {
+  const std::size_t count = mesh.triangles.size() / 3;
+  if (count == 0) return {};
+  const bool sorted = with_levels && !mesh.triangle_levels.empty();
+  std::vector<std::size_t> order;
+  if (sorted) {
+    order.resize(count);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      return mesh.triangle_levels[a] < mesh.triangle_levels[b];
+    });
+  }
+  std::vector<SurfaceChunk> chunks;
+  const glm::dvec3 origin = originOf(mesh);
+  MeshCutter cutter(mesh, origin);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t triangle = sorted ? order[i] : i;
+    const int level = sorted ? mesh.triangle_levels[triangle] : 0;
+    if (chunks.empty() || chunks.back().level != level ||
+        chunks.back().triangles.size() == 3 * kMostTriangles) {
+      cutter.endChunk();
+      chunks.emplace_back();
+      chunks.back().origin = origin;
+      chunks.back().level = level;
+    }
+    cutter.add(triangle, chunks.back());
+  }
+  for (SurfaceChunk& chunk : chunks) boundChunk(chunk);
+  return chunks;
+}
 
 PictureFit::PictureFit(const PlacedCamera& camera)
     : camera_(camera),

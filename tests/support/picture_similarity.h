@@ -2,7 +2,7 @@
 #pragma once
 
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/stream/slice_picture.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 
 namespace isobrick::test {
 

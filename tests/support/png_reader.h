@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "isobrick/viewer/stream/slice_picture.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 
 namespace isobrick::test {
 

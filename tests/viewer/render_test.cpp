@@ -478,7 +478,7 @@ TEST_F(ImageFileTest, BothFormatsHoldTheSizeOfAPrint) {
   ASSERT_TRUE(Imf::hasXDensity(file.header()));
   EXPECT_EQ(Imf::xDensity(file.header()), 300.0f);
   // Other programs read the picture as before, and the size by libpng.
-  const std::vector<char> encoded = encodePng(image);
+  const std::vector<char> encoded = encodeImage(ImageFormat::kPng, image);
   std::FILE* const bytes = fmemopen(const_cast<char*>(encoded.data()), encoded.size(), "rb");
   png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
   png_infop info = png_create_info_struct(png);

@@ -1,4 +1,4 @@
-// An extracted surface in the form in which pictures are drawn.
+// An extracted surface in the form in which pictures are drawn, also from all around it.
 #pragma once
 
 #include <cstdint>
@@ -10,6 +10,7 @@
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 #include "tools/query_options.h"
+#include "tools/render/picture_surface.h"
 
 namespace isobrick {
 
@@ -26,5 +27,10 @@ struct PictureSurface {
 
 // `by_component`: vertices have the colours of their pieces, for which it is extracted twice.
 PictureSurface extractPictureSurface(QueryOptions options, bool by_component);
+
+// `count` pictures like `options`, to the right in equal steps from its azimuth on. The eye stays
+// as far away as all of the surface needs from any side, so that it turns in its place.
+std::vector<RenderOptions> turntable(const RenderOptions& options, const PictureSurface& surface,
+                                     int count);
 
 }  // namespace isobrick

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_debug_output.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 
@@ -27,6 +28,13 @@ int limitOf(GLenum name) {
   GLint value = 0;
   glGetIntegerv(name, &value);
   return value;
+}
+
+constexpr GLenum kContextLost = 0x0507;  // GL_CONTEXT_LOST
+
+std::string driverWord(GLenum name) {
+  const GLubyte* const text = glGetString(name);
+  return text == nullptr ? "" : reinterpret_cast<const char*>(text);
 }
 
 }  // namespace
@@ -124,15 +132,6 @@ std::vector<std::string> GlLimits::consequences() const {
   return lines;
 }
 
-namespace {
-constexpr GLenum kContextLost = 0x0507;  // GL_CONTEXT_LOST
-
-std::string driverWord(GLenum name) {
-  const GLubyte* const text = glGetString(name);
-  return text == nullptr ? "" : reinterpret_cast<const char*>(text);
-}
-}  // namespace
-
 GlDevice::GlDevice(const std::optional<GlLimits>& limits)
     : name_(driverWord(GL_RENDERER)),
       version_(driverWord(GL_VERSION)),
@@ -168,6 +167,22 @@ void GlDevice::checkErrors(const std::string& if_no_memory) {
 bool GlDevice::isLost() {
   is_lost_ = is_lost_ || glGetGraphicsResetStatus() != GL_NO_ERROR;
   return is_lost_;
+}
+
+GraphicsReport graphicsReport() {
+  const EglContext context;
+  const EglContext::CurrentScope current(context);
+  const GlDevice device;
+  GraphicsReport report;
+  report.device = device.name();
+  report.vendor = device.vendor();
+  report.version = device.version();
+  report.is_software = device.isSoftware();
+  report.place = context.placeName();
+  for (const EglPlace& place : eglPlaces()) report.places.push_back({place.name, place.about});
+  report.limits = device.limits().rows();
+  report.switched_off = device.limits().consequences();
+  return report;
 }
 
 }  // namespace isobrick

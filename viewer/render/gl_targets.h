@@ -13,7 +13,6 @@
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
-#include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick {

@@ -18,7 +18,7 @@
 
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/gl_handle.h"
-#include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {

@@ -60,6 +60,26 @@ PlacedCamera lightCamera(const SceneView& view) {
   return camera;
 }
 
+constexpr float kOcclusionReach = 1.0f / 16;  // of the picture's height
+
+float reachIn(const SceneFrame& frame) {
+  return kOcclusionReach * static_cast<float>(frame.height);
+}
+
+// How many pixels of the picture one of the coarser depths is; 1: there are none.
+int stepIn(const SceneFrame& frame) {
+  constexpr float kReach = 64.0f;  // in coarser pixels, at least
+  return std::max(1, static_cast<int>(reachIn(frame) / kReach));
+}
+
+// The coarse pixels that the pixels [first, end) and those within their reach lie in.
+std::array<int, 2> coarseRange(int first, int end, double reach, int size, int coarse_size) {
+  const double scale = static_cast<double>(coarse_size) / size;
+  const int begin = static_cast<int>(std::floor((first - reach - 1.0) * scale)) - 1;
+  const int last = static_cast<int>(std::ceil((end + reach + 1.0) * scale)) + 1;
+  return {std::max(0, begin), std::min(coarse_size, last)};
+}
+
 }  // namespace
 
 ShadowPass::ShadowPass(const GlDevice& device) : device_(device), depths_(device.isSoftware()) {}
@@ -90,30 +110,6 @@ void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
     glTextureParameteri(depths, side, GL_CLAMP_TO_EDGE);
   drawn_ = frame;
 }
-
-namespace {
-
-constexpr float kOcclusionReach = 1.0f / 16;  // of the picture's height
-
-float reachIn(const SceneFrame& frame) {
-  return kOcclusionReach * static_cast<float>(frame.height);
-}
-
-// How many pixels of the picture one of the coarser depths is; 1: there are none.
-int stepIn(const SceneFrame& frame) {
-  constexpr float kReach = 64.0f;  // in coarser pixels, at least
-  return std::max(1, static_cast<int>(reachIn(frame) / kReach));
-}
-
-// The coarse pixels that the pixels [first, end) and those within their reach lie in.
-std::array<int, 2> coarseRange(int first, int end, double reach, int size, int coarse_size) {
-  const double scale = static_cast<double>(coarse_size) / size;
-  const int begin = static_cast<int>(std::floor((first - reach - 1.0) * scale)) - 1;
-  const int last = static_cast<int>(std::ceil((end + reach + 1.0) * scale)) + 1;
-  return {std::max(0, begin), std::min(coarse_size, last)};
-}
-
-}  // namespace
 
 // The shade of a pixel is a mean over those 2 pixels around, whose planes need a neighbour.
 int OcclusionPass::neighbourhoodOf(const SceneFrame& frame) {

@@ -12,7 +12,7 @@
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/gl_targets.h"
-#include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {

@@ -3,7 +3,7 @@
 #include <glm/common.hpp>
 #include <map>
 
-#include "isobrick/viewer/stream/vertex_places.h"
+#include "isobrick/viewer/stream/chunk_sink.h"
 
 namespace isobrick {
 

@@ -42,6 +42,19 @@ std::size_t characterBytes(const std::string& text, std::size_t at) {
   return bytes;
 }
 
+bool canBeKept(std::string_view path) {
+  constexpr std::size_t kLongest = 4095;  // the system's limit
+  return !path.empty() && path.front() == '/' && path.size() <= kLongest &&
+         std::none_of(path.begin(), path.end(),
+                      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
+// Ignores relative paths, as the base directory specification says.
+fs::path folderNamed(const char* variable) {
+  const char* const value = std::getenv(variable);
+  return value != nullptr && *value == '/' ? fs::path(value) : fs::path();
+}
+
 }  // namespace
 
 FolderListing listFolder(const std::string& folder, const CancelFlag& cancel) {
@@ -85,25 +98,6 @@ std::string shownName(const std::string& bytes) {
   }
   return shown;
 }
-
-namespace {
-
-namespace fs = std::filesystem;
-
-bool canBeKept(std::string_view path) {
-  constexpr std::size_t kLongest = 4095;  // the system's limit
-  return !path.empty() && path.front() == '/' && path.size() <= kLongest &&
-         std::none_of(path.begin(), path.end(),
-                      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
-}
-
-// Ignores relative paths, as the base directory specification says.
-fs::path folderNamed(const char* variable) {
-  const char* const value = std::getenv(variable);
-  return value != nullptr && *value == '/' ? fs::path(value) : fs::path();
-}
-
-}  // namespace
 
 std::vector<std::string> withRecent(std::vector<std::string> recent, const std::string& path) {
   if (!canBeKept(path)) return recent;

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
 namespace {

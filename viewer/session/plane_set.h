@@ -12,9 +12,9 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/state/slice_view.h"
+#include "isobrick/viewer/stream/chunk_store.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/plane_sampler.h"
-#include "isobrick/viewer/stream/slice_store.h"
 #include "isobrick/viewer/stream/surface_set.h"
 
 namespace isobrick {

@@ -16,6 +16,21 @@ namespace {
 
 constexpr glm::vec3 kTransitionColor{0.93f, 0.22f, 0.62f};
 
+std::string isovalueText(double isovalue) {
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "isovalue %.6g", isovalue);
+  return text.data();
+}
+
+std::string valuesText(const ViewState& state, LengthUnit unit) {
+  const bool is_known = unit == LengthUnit::kMillimetre;
+  if (state.coloring == ViewColoring::kGradient)
+    return is_known ? "gradient per mm" : "gradient per unit of length";
+  if (state.coloring == ViewColoring::kPlaneDistance)
+    return is_known ? "distance to plane, mm" : "distance to plane";
+  return shownName(std::filesystem::path(state.values.other).stem().string());
+}
+
 }  // namespace
 
 std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume, double height) {
@@ -146,25 +161,6 @@ SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& st
   return slice;
 }
 
-namespace {
-
-std::string isovalueText(double isovalue) {
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "isovalue %.6g", isovalue);
-  return text.data();
-}
-
-std::string valuesText(const ViewState& state, LengthUnit unit) {
-  const bool is_known = unit == LengthUnit::kMillimetre;
-  if (state.coloring == ViewColoring::kGradient)
-    return is_known ? "gradient per mm" : "gradient per unit of length";
-  if (state.coloring == ViewColoring::kPlaneDistance)
-    return is_known ? "distance to plane, mm" : "distance to plane";
-  return shownName(std::filesystem::path(state.values.other).stem().string());
-}
-
-}  // namespace
-
 void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, PictureLegend& legend) {
   const std::size_t most = std::max<std::size_t>(1, kComponentColorCount / surfaces.size());
   std::size_t more = 0;
@@ -182,6 +178,15 @@ void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, Pict
   if (more > 0) legend.rest = "and " + std::to_string(more) + " smaller, in the same colours";
 }
 
+std::vector<PictureMark> marksOf(const ViewState& state, LengthUnit unit) {
+  std::vector<PictureMark> marks;
+  for (const ViewMeasurement& measurement : state.measurements)
+    marks.push_back({measurement.points, measurementText(measurement, unit)});
+  for (const ViewPieceMeasure& piece : state.piece_measures)
+    marks.push_back({{piece.point}, pieceText(piece, unit)});
+  return marks;
+}
+
 PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& levels,
                      const std::optional<std::array<double, 2>>& window, LengthUnit unit,
                      const std::vector<ColoredPieces>& pieces) {
@@ -190,10 +195,7 @@ PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& lev
   notes.axes = state.pictures.axes;
   notes.legend = state.pictures.legend;
   notes.unit = unit;
-  for (const ViewMeasurement& measurement : state.measurements)
-    notes.marks.push_back({measurement.points, measurementText(measurement, unit)});
-  for (const ViewPieceMeasure& piece : state.piece_measures)
-    notes.marks.push_back({{piece.point}, pieceText(piece, unit)});
+  notes.marks = marksOf(state, unit);
   if (state.coloring == ViewColoring::kLevel) {
     for (const LevelCounts& level : levels)
       notes.meaning.patches.push_back(

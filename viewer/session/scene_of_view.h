@@ -9,7 +9,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/viewer/picture_notes.h"
-#include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/state/view_state.h"
 #include "isobrick/viewer/stream/plane_sampler.h"
 
@@ -55,6 +55,9 @@ struct ColoredPieces {
 // The lines that say which pieces have which colours: one for each colour, which several surfaces
 // share.
 void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, PictureLegend& legend);
+
+// The measurements, and the measured pieces, of a view.
+std::vector<PictureMark> marksOf(const ViewState& state, LengthUnit unit);
 
 // What pictures of `state` have. `levels`: those that are shown; `window`: the values of the
 // darkest and the lightest colour, if the surface has values; `pieces`: of surfaces that are

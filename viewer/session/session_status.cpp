@@ -22,43 +22,6 @@ std::string budgetLimit(const SurfaceRequests& requests, const SessionStatus& st
          whole(status.wanted_radius);
 }
 
-}  // namespace
-
-SessionStatus statusOf(const SurfaceRequests& requests, const ShownVolume& volume,
-                       const ViewState& state, bool is_fine) {
-  const ShownSurfaces& shown = requests.shown();
-  const StreamMessage& pass = shown.pass();
-  SessionStatus status;
-  status.wanted_radius = volume.radiusAtRest(state);
-  status.shown_radius = pass.radius;
-  status.triangles = shown.triangles();
-  status.triangles_made = pass.triangles_made;
-  status.shown_bytes = requests.chunkBytes();
-  status.bricks_read = pass.bricks_read;
-  status.extract_seconds = pass.seconds;
-  status.levels = shown.levels();
-  for (LevelCounts& level : status.levels) level.level += volume.firstLevel();
-  status.triangles_per_second = requests.pace().rates().triangles_per_second;
-  status.drag_radius = requests.pace().rates().radius;
-  status.passes = shown.passes();
-  status.surface_age = requests.longestWait().value_or(0.0);
-  if (requests.isFollowingUser())
-    status.doing = "following the user";
-  else if (is_fine)
-    status.doing = "ready";
-  else if (!pass.is_complete)
-    status.doing = "reading what is lacking";
-  else
-    status.doing = "refining to radius " + whole(status.wanted_radius);
-  if (volume.previewOf())
-    status.limited = "preview at 1/" + std::to_string(volume.previewOf()->step);
-  if (requests.isOverBudget()) status.limited = budgetLimit(requests, status);
-  status.error = requests.error();
-  return status;
-}
-
-namespace {
-
 nlohmann::ordered_json spreadOf(std::vector<double> values) {
   auto spread = nlohmann::ordered_json::object();
   std::sort(values.begin(), values.end());
@@ -101,6 +64,39 @@ void addWaits(const std::vector<ReportedFrame>& frames, nlohmann::ordered_json& 
 }
 
 }  // namespace
+
+SessionStatus statusOf(const SurfaceRequests& requests, const ShownVolume& volume,
+                       const ViewState& state, bool is_fine) {
+  const ShownSurfaces& shown = requests.shown();
+  const StreamMessage& pass = shown.pass();
+  SessionStatus status;
+  status.wanted_radius = volume.radiusAtRest(state);
+  status.shown_radius = pass.radius;
+  status.triangles = shown.triangles();
+  status.triangles_made = pass.triangles_made;
+  status.shown_bytes = requests.chunkBytes();
+  status.bricks_read = pass.bricks_read;
+  status.extract_seconds = pass.seconds;
+  status.levels = shown.levels();
+  for (LevelCounts& level : status.levels) level.level += volume.firstLevel();
+  status.triangles_per_second = requests.pace().rates().triangles_per_second;
+  status.drag_radius = requests.pace().rates().radius;
+  status.passes = shown.passes();
+  status.surface_age = requests.longestWait().value_or(0.0);
+  if (requests.isFollowingUser())
+    status.doing = "following the user";
+  else if (is_fine)
+    status.doing = "ready";
+  else if (!pass.is_complete)
+    status.doing = "reading what is lacking";
+  else
+    status.doing = "refining to radius " + whole(status.wanted_radius);
+  if (volume.previewOf())
+    status.limited = "preview at 1/" + std::to_string(volume.previewOf()->step);
+  if (requests.isOverBudget()) status.limited = budgetLimit(requests, status);
+  status.error = requests.error();
+  return status;
+}
 
 std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
                      const SessionStatus& status) {

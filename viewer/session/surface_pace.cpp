@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <utility>
 
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
 namespace {

@@ -28,7 +28,7 @@ struct Wishes {
   bool screenshot_exr = false;  // with depth and normals
   bool save_state = false;
   bool load_state = false;
-  // Of the views with names (window/named_views.h).
+  // Of the views with names (window/output_files.h).
   std::optional<std::string> save_named_view;  // empty: under a free name
   std::optional<std::string> show_named_view;  // empty: the one after the one shown last
   std::optional<std::string> remove_named_view;

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
@@ -244,16 +245,18 @@ void dropOldFields(OrderedJson& json) {
   });
 }
 
-}  // namespace
-
-std::string viewStateToJson(const ViewState& state) {
-  // A path may be no UTF-8, but JSON is always UTF-8.
-  return toJson(state).dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
+// A path may be no UTF-8, but JSON is always UTF-8.
+std::string textOf(const OrderedJson& json) {
+  return json.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 
-ViewState viewStateFromJson(const std::string& text) {
+OrderedJson parsed(const std::string& text) {
   OrderedJson json = OrderedJson::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
+  return json;
+}
+
+ViewState stateFrom(OrderedJson json) {
   dropOldFields(json);
   ViewState state;
   state.camera.distance = 0.0;
@@ -262,9 +265,7 @@ ViewState viewStateFromJson(const std::string& text) {
   return state;
 }
 
-namespace {
-
-using ViewJson = nlohmann::ordered_json;
+// ------------------------------------------------------------------------------------------- files
 
 bool isPathOfFile(const std::string& name) {
   return !name.empty() && !isRemotePath(name) && name.rfind("phantom:", 0) != 0;
@@ -291,10 +292,10 @@ std::string wholeName(const std::string& name) {
 }
 
 // Takes the fields that are not the state's.
-std::string takeVolume(ViewJson& json) {
+std::string takeVolume(OrderedJson& json) {
   if (!json.is_object()) return {};
   if (json.contains("version")) {
-    const ViewJson& version = json["version"];
+    const OrderedJson& version = json["version"];
     if (!version.is_number_integer()) throw Error("the view's 'version' is not a whole number");
     if (version > kViewVersion)
       throw Error("the view's 'version' is later than " + std::to_string(kViewVersion) +
@@ -308,19 +309,18 @@ std::string takeVolume(ViewJson& json) {
   return volume;
 }
 
-SavedView viewFromJson(const std::string& text) {
-  ViewJson json = ViewJson::parse(text, nullptr, false);
-  if (json.is_discarded()) throw Error("the view is not JSON");
-  const std::string volume = takeVolume(json);
-  return {volume, viewStateFromJson(json.dump())};
-}
-
 }  // namespace
+
+std::string viewStateToJson(const ViewState& state) { return textOf(toJson(state)); }
+
+ViewState viewStateFromJson(const std::string& text) { return stateFrom(parsed(text)); }
 
 SavedView readView(const std::string& path) {
   const std::string text = readTextFile(path, "view");
   try {
-    SavedView view = viewFromJson(text);
+    OrderedJson json = parsed(text);
+    SavedView view{takeVolume(json), {}};
+    view.state = stateFrom(std::move(json));
     const std::filesystem::path folder = folderOfView(path);
     view.volume = readPath(view.volume, folder);
     view.state.values.other = readPath(view.state.values.other, folder);
@@ -334,12 +334,11 @@ void writeView(const std::string& path, const SavedView& view) {
   const std::filesystem::path folder = folderOfView(path);
   ViewState state = view.state;
   state.values.other = writtenPath(state.values.other, folder);
-  ViewJson json = ViewJson::object();
+  OrderedJson json = OrderedJson::object();
   json["version"] = kViewVersion;
   json["volume"] = writtenPath(view.volume, folder);
-  json.update(ViewJson::parse(viewStateToJson(state)));
-  // A path may be no UTF-8, but JSON is always UTF-8.
-  const std::string text = json.dump(2, ' ', false, ViewJson::error_handler_t::replace) + "\n";
+  json.update(toJson(state));
+  const std::string text = textOf(json);
   AtomicFile file(path);
   file.write(text.data(), text.size());
   file.commit();

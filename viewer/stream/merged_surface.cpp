@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/stream/chunk_sink.h"
 #include "isobrick/viewer/stream/surface_set.h"
-#include "isobrick/viewer/stream/vertex_places.h"
 
 namespace isobrick {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
 

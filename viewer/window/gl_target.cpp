@@ -10,7 +10,6 @@
 #include <utility>
 #include <vector>
 
-
 namespace isobrick {
 
 void GlTarget::present(int left, int bottom) { renderer_->present(framebuffer(), left, bottom); }

@@ -8,7 +8,6 @@
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/window/view_panel.h"
 #include "isobrick/viewer/window/view_target.h"
-#include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
 

@@ -116,78 +116,6 @@ void focusControls(const ViewVolume& volume, ViewFocus& focus) {
   explain("Its x, y and z, in voxels. A double click on the surface puts it there.");
 }
 
-}  // namespace
-
-void detailControls(ViewSession& session) {
-  ViewState& state = session.state();
-  focusControls(session.volume(), state.focus);
-  // A view may ask for it where there is none, and has to be able to stop.
-  if (session.pyramid().spec().has_curvature || state.curvature_tolerance) {
-    // As a radius: flatter than a sphere of so many voxels.
-    const auto inverse = [](double value) { return std::sqrt(0.5 / std::max(value, 1e-12)); };
-    std::optional<double> radius;
-    if (state.curvature_tolerance) radius = inverse(*state.curvature_tolerance);
-    const bool moved = optionalSlider("flatter than", radius, 10.0, 1.0, 400.0, "%.1f voxels");
-    explain("Level 1 where the surface is flatter than a sphere of this radius.");
-    if (moved || radius.has_value() != state.curvature_tolerance.has_value())
-      state.curvature_tolerance = radius ? std::optional(0.5 / (*radius * *radius)) : std::nullopt;
-  }
-  optionalSlider("cells under", state.view_pixels, 2.0, 0.5, 50.0, "%.1f pixels");
-  explain("Coarser where cells are that small in the picture.");
-  ImGui::Checkbox("wireframe", &state.wireframe);
-  explain("The edges of the triangles (W).");
-  ImGui::SameLine();
-  bool by_level = state.coloring == ViewColoring::kLevel;
-  if (ImGui::Checkbox("levels", &by_level))
-    state.coloring = by_level ? ViewColoring::kLevel : ViewColoring::kPlain;
-  explain("Colours the triangles by their level, red the finest (C).");
-  ImGui::SameLine();
-  ImGui::Checkbox("follow the view", &state.focus.follow_view);
-  explain("The focus is the point that the camera turns about (V).");
-}
-
-Wishes measureControls(ViewSession& session) {
-  Wishes wishes;
-  if (!ImGui::CollapsingHeader("measure")) return wishes;
-  Interaction& interaction = session.interaction();
-  ViewState& state = session.state();
-  const auto toolButton = [&](const char* label, Interaction::Tool tool, const char* what) {
-    bool on = interaction.tool == tool;
-    if (ImGui::Checkbox(label, &on)) chooseTool(on ? tool : Interaction::Tool::kNone, interaction);
-    explain(what);
-  };
-  toolButton(
-      "distance", Interaction::Tool::kDistance,
-      "Click two points of the surface (D). Esc ends it, Backspace takes the last one back.");
-  ImGui::SameLine();
-  toolButton("angle", Interaction::Tool::kAngle,
-             "Click three points of the surface; the angle is at the second (A).");
-  const LengthUnit unit = session.pyramid().spec().geometry.unit;
-  // They count on from one list to the next.
-  auto rows = [number = 0](auto& list, const auto& textOf) mutable {
-    std::optional<std::size_t> removed;
-    for (std::size_t i = 0; i < list.size(); ++i) {
-      ImGui::PushID(number++);
-      if (ImGui::Button("x")) removed = i;
-      explain("Removes this measurement.");
-      ImGui::SameLine();
-      ImGui::AlignTextToFramePadding();
-      ImGui::Text("%d   %s", number, textOf(list[i]).c_str());
-      ImGui::PopID();
-    }
-    if (removed) list.erase(list.begin() + static_cast<std::ptrdiff_t>(*removed));
-  };
-  rows(state.measurements, [&](const ViewMeasurement& of) { return measurementText(of, unit); });
-  rows(state.piece_measures, [&](const ViewPieceMeasure& of) { return pieceText(of, unit); });
-  if (!state.measurements.empty() || !state.piece_measures.empty()) {
-    wishes.export_measurements = ImGui::Button("write CSV");
-    explain("All of them as a table, with the points in world units.");
-  }
-  return wishes;
-}
-
-namespace {
-
 void surfaces(ViewSession& session, float scale) {
   if (!ImGui::CollapsingHeader("surfaces", ImGuiTreeNodeFlags_DefaultOpen)) return;
   ViewState& state = session.state();
@@ -309,6 +237,74 @@ Wishes files(ViewState& state, float scale) {
 }
 
 }  // namespace
+
+void detailControls(ViewSession& session) {
+  ViewState& state = session.state();
+  focusControls(session.volume(), state.focus);
+  // A view may ask for it where there is none, and has to be able to stop.
+  if (session.pyramid().spec().has_curvature || state.curvature_tolerance) {
+    // As a radius: flatter than a sphere of so many voxels.
+    const auto inverse = [](double value) { return std::sqrt(0.5 / std::max(value, 1e-12)); };
+    std::optional<double> radius;
+    if (state.curvature_tolerance) radius = inverse(*state.curvature_tolerance);
+    const bool moved = optionalSlider("flatter than", radius, 10.0, 1.0, 400.0, "%.1f voxels");
+    explain("Level 1 where the surface is flatter than a sphere of this radius.");
+    if (moved || radius.has_value() != state.curvature_tolerance.has_value())
+      state.curvature_tolerance = radius ? std::optional(0.5 / (*radius * *radius)) : std::nullopt;
+  }
+  optionalSlider("cells under", state.view_pixels, 2.0, 0.5, 50.0, "%.1f pixels");
+  explain("Coarser where cells are that small in the picture.");
+  ImGui::Checkbox("wireframe", &state.wireframe);
+  explain("The edges of the triangles (W).");
+  ImGui::SameLine();
+  bool by_level = state.coloring == ViewColoring::kLevel;
+  if (ImGui::Checkbox("levels", &by_level))
+    state.coloring = by_level ? ViewColoring::kLevel : ViewColoring::kPlain;
+  explain("Colours the triangles by their level, red the finest (C).");
+  ImGui::SameLine();
+  ImGui::Checkbox("follow the view", &state.focus.follow_view);
+  explain("The focus is the point that the camera turns about (V).");
+}
+
+Wishes measureControls(ViewSession& session) {
+  Wishes wishes;
+  if (!ImGui::CollapsingHeader("measure")) return wishes;
+  Interaction& interaction = session.interaction();
+  ViewState& state = session.state();
+  const auto toolButton = [&](const char* label, Interaction::Tool tool, const char* what) {
+    bool on = interaction.tool == tool;
+    if (ImGui::Checkbox(label, &on)) chooseTool(on ? tool : Interaction::Tool::kNone, interaction);
+    explain(what);
+  };
+  toolButton(
+      "distance", Interaction::Tool::kDistance,
+      "Click two points of the surface (D). Esc ends it, Backspace takes the last one back.");
+  ImGui::SameLine();
+  toolButton("angle", Interaction::Tool::kAngle,
+             "Click three points of the surface; the angle is at the second (A).");
+  const LengthUnit unit = session.pyramid().spec().geometry.unit;
+  // They count on from one list to the next.
+  auto rows = [number = 0](auto& list, const auto& textOf) mutable {
+    std::optional<std::size_t> removed;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      ImGui::PushID(number++);
+      if (ImGui::Button("x")) removed = i;
+      explain("Removes this measurement.");
+      ImGui::SameLine();
+      ImGui::AlignTextToFramePadding();
+      ImGui::Text("%d   %s", number, textOf(list[i]).c_str());
+      ImGui::PopID();
+    }
+    if (removed) list.erase(list.begin() + static_cast<std::ptrdiff_t>(*removed));
+  };
+  rows(state.measurements, [&](const ViewMeasurement& of) { return measurementText(of, unit); });
+  rows(state.piece_measures, [&](const ViewPieceMeasure& of) { return pieceText(of, unit); });
+  if (!state.measurements.empty() || !state.piece_measures.empty()) {
+    wishes.export_measurements = ImGui::Button("write CSV");
+    explain("All of them as a table, with the points in world units.");
+  }
+  return wishes;
+}
 
 Wishes buildControls(ViewSession& session, float scale) {
   // Controls of two sections may have the same label, and are not the same control.

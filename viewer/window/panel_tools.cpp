@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "isobrick/viewer/notes/picture_canvas.h"
+#include "isobrick/viewer/notes/draw_notes.h"
 
 namespace isobrick {
 namespace {
@@ -56,27 +56,6 @@ void setColors() {
   colors[ImGuiCol_PlotLines] = accent;
 }
 
-}  // namespace
-
-void setPanelStyle(double scale) {
-  setFont(scale);
-  ImGuiStyle& style = ImGui::GetStyle();
-  style = ImGuiStyle();  // that of another scale may have been there
-  setColors();
-  style.WindowRounding = 0.0f;
-  style.FrameRounding = style.GrabRounding = 3.0f;
-  style.PopupRounding = 4.0f;
-  style.WindowPadding = {10.0f, 8.0f};
-  style.FramePadding = {7.0f, 3.0f};
-  style.ItemSpacing = {7.0f, 6.0f};
-  style.ItemInnerSpacing = {6.0f, 4.0f};
-  style.ScrollbarSize = 12.0f;
-  style.WindowBorderSize = 0.0f;
-  style.ScaleAllSizes(static_cast<float>(scale));
-}
-
-namespace {
-
 constexpr std::array kPanelKeys{
     std::pair{Key::kTab, ImGuiKey_Tab},
     std::pair{Key::kLeft, ImGuiKey_LeftArrow},
@@ -98,6 +77,23 @@ constexpr std::array kPanelKeys{
 };
 
 }  // namespace
+
+void setPanelStyle(double scale) {
+  setFont(scale);
+  ImGuiStyle& style = ImGui::GetStyle();
+  style = ImGuiStyle();  // that of another scale may have been there
+  setColors();
+  style.WindowRounding = 0.0f;
+  style.FrameRounding = style.GrabRounding = 3.0f;
+  style.PopupRounding = 4.0f;
+  style.WindowPadding = {10.0f, 8.0f};
+  style.FramePadding = {7.0f, 3.0f};
+  style.ItemSpacing = {7.0f, 6.0f};
+  style.ItemInnerSpacing = {6.0f, 4.0f};
+  style.ScrollbarSize = 12.0f;
+  style.WindowBorderSize = 0.0f;
+  style.ScaleAllSizes(static_cast<float>(scale));
+}
 
 #if IMGUI_VERSION_NUM >= 18900
 

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "isobrick/viewer/state/input_event.h"
-#include "isobrick/viewer/window/window_layout.h"
+#include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
 

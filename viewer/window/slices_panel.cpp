@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "isobrick/viewer/state/measurement.h"
-#include "isobrick/viewer/stream/slice_picture.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/view_panel.h"
 

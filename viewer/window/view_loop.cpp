@@ -10,12 +10,12 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/viewer/clock_seconds.h"
 #include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/view_file.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/window/gl_target.h"
 #include "isobrick/viewer/window/gl_window.h"
 #include "isobrick/viewer/window/input_router.h"

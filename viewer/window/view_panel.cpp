@@ -7,7 +7,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/window/panel_tools.h"
-#include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
 

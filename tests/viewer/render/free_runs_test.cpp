@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "isobrick/viewer/render/gl_arenas.h"
+#include "isobrick/viewer/render/gl_chunks.h"
 
 namespace isobrick {
 namespace {

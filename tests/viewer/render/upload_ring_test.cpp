@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "isobrick/viewer/render/gl_staging.h"
+#include "isobrick/viewer/render/gl_chunks.h"
 #include "tests/support/random_numbers.h"
 
 namespace isobrick {

@@ -11,7 +11,7 @@
 #include <glm/geometric.hpp>
 #include <thread>
 
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/window/gl_target.h"
 #include "isobrick/viewer/window/view_loop.h"
 #include "tests/support/driver_faults.h"
