@@ -47,7 +47,6 @@ class EglContext {
   EglContext(const EglContext&) = delete;
   EglContext& operator=(const EglContext&) = delete;
 
-  // The place that it was made on.
   const std::string& placeName() const { return place_name_; }
 
   // Makes the context current on this thread, and none at the end, so that the next call may come

@@ -41,7 +41,6 @@ class BandEncoder {
   virtual ~BandEncoder() = default;
   // The next rows, with the layers of the shape. Throws Error, and what WriteAt throws.
   virtual void add(const Image& rows) = 0;
-  // After the last row.
   virtual void finish() = 0;
 };
 
@@ -51,7 +50,6 @@ std::unique_ptr<BandEncoder> makeExrEncoder(const PictureShape& shape, WriteAt w
 std::unique_ptr<BandEncoder> makeBandEncoder(ImageFormat format, const PictureShape& shape,
                                              WriteAt write);
 
-// A file in memory.
 class MemoryFile {
  public:
   void write(const void* data, std::size_t bytes, std::uint64_t offset);

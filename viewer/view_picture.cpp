@@ -30,7 +30,6 @@ void normalizeAll(std::vector<float>& normals) {
   }
 }
 
-// An empty picture with the layers of this shape.
 Image emptyRows(const PictureShape& shape, int height) {
   const std::size_t pixels = pixelsOf(shape.width, height);
   Image image{shape.width, height, std::vector<float>(3 * pixels)};

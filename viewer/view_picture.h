@@ -28,7 +28,6 @@ struct TileLimits {
   int most_pixels = 8 << 20;  // of a band, about
 };
 
-// A scene, and what is written over it.
 struct SceneWithNotes {
   SceneFrame frame;     // of all of the picture
   bool layers = false;  // with depth and normals
@@ -57,7 +56,6 @@ class PictureTiles {
   // Throws as SceneRenderer::drawTile().
   std::optional<Image> drawNext();
   bool done() const { return next_.top >= scene_.frame.height; }
-  // The part that is drawn, 0 .. 1.
   double share() const;
 
  private:

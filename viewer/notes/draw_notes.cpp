@@ -127,7 +127,6 @@ class Notes {
   // Of the whole picture, pixels.
   int width() const { return rows_.image.width; }
   int height() const { return rows_.height; }
-  // Those that were used.
   NoteInks takeInks() { return std::move(used_); }
   PictureCanvas& canvas() { return canvas_; }
 
@@ -135,7 +134,6 @@ class Notes {
     const glm::vec3 ink = inkAt(left, {left.x + canvas_.widthOf(text), left.y - unit_});
     canvas_.text(left, text, ink, ink == kWhite ? kBlack : kWhite);
   }
-  // The colour of a mark between two corners.
   glm::vec3 inkAt(const glm::dvec2& a, const glm::dvec2& b) {
     used_.push_back(given_ != nullptr ? used_.size() >= given_->size() || (*given_)[used_.size()]
                                       : isDarkAt(a, b));

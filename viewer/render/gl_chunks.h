@@ -67,12 +67,10 @@ class GlArenas {
   GLuint buffer(std::size_t arena) const {
     return arena < arenas_.size() && arenas_[arena] ? *arenas_[arena]->buffer : 0;
   }
-  // How many there are.
   std::size_t count() const;
   // Of all of them, and of their free parts.
   std::size_t bytes() const { return units_ * kUnitBytes; }
   std::size_t freeBytes() const { return free_ * kUnitBytes; }
-  // Of the largest one.
   std::size_t greatestBytes() const;
 
  private:
@@ -101,7 +99,6 @@ class UploadRing {
   // The card has commands to read all bytes taken since the last call, and `fence` comes after
   // these.
   void close(Fence fence);
-  // Something was taken since then.
   bool isOpen() const { return head_ != closed_; }
 
  private:

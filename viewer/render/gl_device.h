@@ -33,7 +33,6 @@ struct GlLimits {
   // Throws Error, which names the limit, if nothing can be drawn within them.
   void require(const std::string& device) const;
 
-  // Greatest width and height of a picture.
   int pictureSize() const;
   // Of a pixel of a picture: 4, or fewer.
   int pictureSamples() const;
@@ -46,7 +45,6 @@ struct GlLimits {
   // The edges of triangles can be drawn from a buffer of this size.
   bool drawsEdges(std::size_t buffer_bytes) const;
 
-  // A row of a table of limits.
   struct Row {
     std::string name;         // "GL_MAX_SAMPLES"
     std::int64_t value = 0;   // of the card
@@ -78,7 +76,6 @@ class GlDevice {
   // For instance "4.5 (Core Profile) Mesa 22.3.6", and "Mesa/X.org".
   const std::string& version() const { return version_; }
   const std::string& vendor() const { return vendor_; }
-  // The processor draws.
   bool isSoftware() const { return is_software_; }
   const GlLimits& limits() const { return limits_; }
 

@@ -72,9 +72,7 @@ class GlSceneRenderer : public SceneRenderer {
   const GlDevice& device() const { return device_; }
   const LayerPass& layers() const { return layers_; }
 
-  // Of the frame drawn last.
   const DrawCounts& counts() const { return surfaces_.counts(); }
-  // The buffers of all chunks.
   const GlArenas& arenas() const { return chunks_.arenas(); }
 
  private:

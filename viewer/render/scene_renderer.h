@@ -120,7 +120,6 @@ struct SceneFrame {
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};
   glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
 
-  // Nothing is seen through this surface.
   bool isOpaque(std::size_t surface) const {
     const bool by_value = value_window && (value_opacity[0] < 1.0 || value_opacity[1] < 1.0);
     return surfaces[surface].opacity >= 1.0 && !by_value;
@@ -170,7 +169,6 @@ class SceneRenderer : public ChunkStore,
  public:
   // All of a chunk at once. Throws as reserve().
   virtual ChunkId upload(const SurfaceChunk& chunk) = 0;
-  // For everything that is kept.
   virtual std::uint64_t bytesKept() const = 0;
 
   // Draws a frame of at least one pixel. Everything that it names is kept here. Throws

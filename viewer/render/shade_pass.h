@@ -17,7 +17,6 @@
 
 namespace isobrick {
 
-// Draws a picture of depths, without samples.
 class DepthPass {
  public:
   // Throws Error if the driver refuses the shader.
@@ -58,7 +57,6 @@ class ShadowPass {
   void draw(const GlChunks& chunks, const SceneView& view);
   // The memory of these depths may be lacking.
   void forget() { drawn_.reset(); }
-  // Of the last draw().
   const ShadowView& seen() const { return seen_; }
   // With filters that compare.
   GLuint depths() const { return depths_.depths(); }

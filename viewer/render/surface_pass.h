@@ -29,7 +29,6 @@ class SurfacePass {
   void drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
                   const BufferBox& band);
 
-  // Of the frame since begin().
   const DrawCounts& counts() const { return draws_.counts(); }
 
  private:

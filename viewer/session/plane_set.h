@@ -69,7 +69,6 @@ class SamplingQueue {
 // Used by the renderer's thread. release() comes before the renderer or this ends.
 class PlaneSet {
  public:
-  // As SamplingQueue().
   PlaneSet(std::shared_ptr<const Pyramid> pyramid, double step)
       : queue_(std::move(pyramid), step) {}
 
@@ -125,7 +124,6 @@ class PlaneSet {
 // Numbers of samplings are those of the process, so that no view of another volume has the same.
 class SliceViews {
  public:
-  // As SamplingQueue().
   SliceViews(std::shared_ptr<const Pyramid> pyramid, double step)
       : queue_(std::move(pyramid), step) {}
 

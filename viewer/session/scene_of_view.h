@@ -56,7 +56,6 @@ struct ColoredPieces {
 // share.
 void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, PictureLegend& legend);
 
-// The measurements, and the measured pieces, of a view.
 std::vector<PictureMark> marksOf(const ViewState& state, LengthUnit unit);
 
 // What pictures of `state` have. `levels`: those that are shown; `window`: the values of the

@@ -45,7 +45,6 @@ struct FrameTimes {
   double draw = 0.0;       // the scene and the panel, by the graphics card or the processor
 };
 
-// The figures of a frame in a script's report.
 struct ReportedFrame {
   double seconds = 0.0;  // since the begin
   FrameTimes times;

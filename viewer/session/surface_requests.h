@@ -24,12 +24,10 @@ class ShownSurfaces {
  public:
   // `pass` is shown from now on; `asked`: by its request.
   void take(const StreamMessage& pass, const SurfaceWish& asked);
-  // Nothing is shown any longer.
   void forget() { surfaces_.clear(); }
 
   // The pass that is shown; before the first one, one of request 0.
   const StreamMessage& pass() const { return pass_; }
-  // Passes that were shown so far.
   std::uint64_t passes() const { return passes_; }
   // A surface is shown that is what `wish` asks for, all of it as fine as with radius `least`, or
   // finer, but not finer than with `most`.
@@ -44,7 +42,6 @@ class ShownSurfaces {
   const StreamedSurface* surface(std::size_t number) const;
 
  private:
-  // What the shown part of a surface was made of.
   struct Shown {
     SurfaceWish::Surface surface;
     SurfaceWish::Detail detail;
@@ -78,7 +75,6 @@ class SurfaceRequests {
 
   // Of a picture of the surfaces, with showing it.
   void noteDrawing(double seconds);
-  // As that of ViewSession.
   bool drawsBetterLater() const { return pace_.drawsBetterLater(longestWait()); }
 
   const ShownSurfaces& shown() const { return shown_; }

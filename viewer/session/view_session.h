@@ -47,7 +47,6 @@ class ViewSession {
   // Reads the histogram. Throws Error for a damaged one.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
               const SessionOptions& options);
-  // The same for a pyramid whose histogram was read before.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
               SceneRenderer& renderer, const SessionOptions& options);
   ~ViewSession();
@@ -83,7 +82,6 @@ class ViewSession {
 
   // Requests surfaces for the state and takes those that have come, within the frame's `allowance`.
   void update(double seconds, UploadAllowance& allowance);
-  // In a frame of its own.
   void update(double seconds) {
     UploadAllowance allowance;
     update(seconds, allowance);
@@ -102,7 +100,6 @@ class ViewSession {
   SceneFrame pictureFrame(int width, int height) const;
   // A picture of this height has the surfaces and slices that the window has.
   bool showsTheSameAt(int height) const;
-  // The notes that pictures of the scene have.
   PictureNotes notes() const;
 
   // How long the last frame took, with drawing and showing it: a slow picture gets coarser surfaces

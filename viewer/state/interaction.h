@@ -41,7 +41,6 @@ struct Wishes {
   std::optional<bool> answer;       // to a question (session/wish_guard.h)
 };
 
-// Adds the wishes of `more` to `wishes`.
 void addWishes(const Wishes& more, Wishes& wishes);
 
 // For the scale of a screen.
@@ -74,7 +73,6 @@ struct Interaction {
   PictureSize picture() const { return {size, scale}; }
   // A hand that moves less than this clicks.
   double clickPixels() const { return 5.0 * scale; }
-  // Pixels to normalised device coordinates.
   glm::dvec2 toPicture(const glm::dvec2& pixel) const;
 };
 

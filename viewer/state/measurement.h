@@ -59,7 +59,6 @@ struct ViewPieceMeasure {
   bool operator==(const ViewPieceMeasure&) const = default;
 };
 
-// Only this piece.
 void keepOnly(const ComponentSeed& piece, PieceChoice& choice);
 // Beside others that are hidden, or no longer among those that are kept. False: kMostSeeds of them
 // are hidden already.

@@ -10,7 +10,6 @@
 namespace isobrick {
 namespace {
 
-// The camera's axes alone.
 PlacedCamera turned(const ViewCamera& camera) {
   const double azimuth = glm::radians(camera.azimuth);
   const double elevation = glm::radians(camera.elevation);

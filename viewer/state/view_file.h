@@ -20,7 +20,6 @@ std::string viewStateToJson(const ViewState& state);
 // for text that is no JSON, an unknown field, and a value of another type or out of its range.
 ViewState viewStateFromJson(const std::string& text);
 
-// The version of the files that are written here.
 inline constexpr int kViewVersion = 1;
 
 struct SavedView {

@@ -8,7 +8,6 @@
 namespace isobrick {
 namespace {
 
-// A key that was pressed, and what it may change.
 struct KeyPress {
   const InputEvent& event;
   const ViewVolume& volume;

@@ -141,7 +141,6 @@ struct ViewState {
   bool operator==(const ViewState&) const = default;
 };
 
-// The active surface.
 inline ViewSurface& activeSurface(ViewState& state) {
   return state.surfaces[static_cast<std::size_t>(state.active_surface)];
 }
@@ -152,7 +151,6 @@ inline const ViewSurface& activeSurface(const ViewState& state) {
 // Not the last one. The active one stays active, unless it goes itself.
 void removeSurface(std::size_t surface, ViewState& state);
 
-// The facts of the volume that the viewer shows.
 struct ViewVolume {
   Index3 voxels{2, 2, 2};
   GridGeometry geometry;
@@ -162,9 +160,7 @@ struct ViewVolume {
   bool has_all_values = true;     // false: there may be others than from the least to the greatest
   std::vector<double> isovalues;  // that are suggested, the best one first; none of equal voxels
 
-  // The world's axis-aligned box around all voxels.
   WorldBox box() const;
-  // That around a box of voxel indices.
   WorldBox boxAround(const glm::dvec3& lower, const glm::dvec3& upper) const;
   // Voxels from any point of the volume to the furthest.
   double diagonal() const;
@@ -178,7 +174,6 @@ ViewState firstView(const ViewVolume& volume, double aspect);
 // it follows the view. Bounds once more change nothing.
 ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
-// The radius at rest.
 double wantedRadius(const ViewState& state, const ViewVolume& volume);
 
 // All that the triangles of a view, and the values at their vertices, follow from: equal wishes

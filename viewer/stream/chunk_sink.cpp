@@ -53,7 +53,6 @@ SceneLattice latticeOf(const GridGeometry& geometry) {
 
 namespace {
 
-// The cell of a level that holds a voxel index.
 Index3 cellOf(const Lattice& lattice, int level, const glm::dvec3& index) {
   return glm::clamp(Index3(glm::floor(index)) >> std::int64_t{level}, Index3(0),
                     lattice.cells(level) - Index3(1));

@@ -18,7 +18,6 @@
 
 namespace isobrick {
 
-// The place of a volume's chunks in the world.
 SceneLattice latticeOf(const GridGeometry& geometry);
 
 // Thread-safe.
@@ -46,7 +45,6 @@ std::unique_ptr<ChunkValues> otherValues(const Pyramid& shown, const std::string
 class ChunkSink : public TriangleSink {
  public:
   using Take = std::function<void(std::size_t place, SurfaceChunk&& chunk)>;
-  // The values that vertices get.
   struct Values {
     const ChunkValues* of = nullptr;  // outlive the sink; null: none
     bool components = false;          // the colours of PlacedBatch::components instead

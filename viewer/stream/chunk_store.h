@@ -75,7 +75,6 @@ class SliceStore {
   virtual void releaseSlice(SliceId slice) = 0;
   // The most values to a side that a slice can have.
   virtual int greatestSlice() const = 0;
-  // All of a slice at once.
   SliceId uploadSlice(const SliceImage& image) {
     const SliceId id = reserveSlice(image.width, image.height);
     uploadRows(id, image, 0, image.height);

@@ -12,7 +12,6 @@
 namespace isobrick {
 namespace {
 
-// Keeps chunks as they are.
 class ChunksInMemory : public ChunkStore {
  public:
   ChunkId reserve(const SurfaceChunk& chunk) override try {

@@ -15,7 +15,6 @@
 
 namespace isobrick {
 
-// A parallelogram in voxel indices.
 struct IndexPlane {
   glm::dvec3 corner{0.0}, across{0.0}, along{0.0};
 

@@ -99,7 +99,6 @@ int digitsOf(const ViewVolume& volume) {
   return 6 + static_cast<int>(std::clamp(more, 0.0, 11.0));
 }
 
-// A button for each.
 void suggestions(ViewSession& session) {
   if (session.volume().isovalues.empty()) return;
   ViewState& state = session.state();

@@ -41,7 +41,6 @@ class NamedViews {
 
   // Shows the views of this folder, which need not exist.
   void open(const std::string& folder);
-  // Takes the list when it is there.
   void update();
 
   // In order.
@@ -84,7 +83,6 @@ struct PictureOrder {
 // uploads some of them, or draws a tile; a thread writes. Used by the thread of the renderer.
 class PictureQueue {
  public:
-  // An order that ended.
   struct Outcome {
     std::string path;
     std::string error;  // empty: the file is there
@@ -104,11 +102,8 @@ class PictureQueue {
 
   // Orders that have not ended.
   std::size_t unwritten() const { return waiting_.size(); }
-  // The file of the first one.
   const std::string& underWay() const { return waiting_.front().path; }
-  // The part of it that is drawn, 0 .. 1.
   double share() const { return tiles_ ? tiles_->share() : writer_ ? 1.0 : 0.0; }
-  // True for the file of an order that has not ended.
   bool willWrite(const std::string& path) const;
 
  private:
@@ -131,7 +126,6 @@ class OutputFiles {
   // into `frames_folder`. `options`: of the window's sessions.
   OutputFiles(std::string state_path, std::string frames_folder, const SessionOptions& options);
 
-  // The content of a frame.
   struct Sight {
     ViewTarget& target;
     ViewSession* session = nullptr;        // null: nothing is open
@@ -166,10 +160,8 @@ class OutputFiles {
   // Of the last mesh; empty: it went well.
   const std::string& meshError() const { return mesh_error_; }
 
-  // Those that the user gave names to.
   const NamedViews& views() const { return views_; }
 
-  // The last result, for the user.
   const std::string& message() const { return message_; }
   void say(std::string message) { message_ = std::move(message); }
 

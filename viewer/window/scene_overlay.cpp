@@ -29,7 +29,6 @@ const char* nameOf(AxisView view) {
   return "";
 }
 
-// The scene's picture in the window.
 struct Place {
   ImVec2 corner;  // the upper left one, pixels of the window
   ImVec2 size;
@@ -153,7 +152,6 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
     draw({interaction.picked, ""}, interaction.cursor);
 }
 
-// The box of the piece that is selected.
 void selectedPiece(const ViewSession& session, float scale, const Place& place) {
   const SurfaceComponent* const piece = session.pieces().selectedPiece();
   if (piece == nullptr) return;

@@ -95,7 +95,6 @@ class ViewLoop {
     return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 ||
            !volumes_.shown().settled() || (session() != nullptr && session()->interaction().flying);
   }
-  // True if everything requested is shown.
   bool settled() const { return volumes_.settled() && unwritten() == 0; }
   std::size_t unwritten() const { return files_.unwrittenMeshes() + files_.unwrittenPictures(); }
   ScriptSight whatIsThere() const {

@@ -132,7 +132,6 @@ class SlicesPanel {
   void build(ViewSession& session, float scale, const std::array<SceneArea, 3>& areas);
 
  private:
-  // What a picture of a slice is made of.
   struct Look {
     std::uint64_t number = 0;  // SliceViews::Shown::number
     std::array<double, 2> window{};
@@ -155,7 +154,6 @@ class SlicesPanel {
   bool has_drawn_ = false;  // a picture in this frame
 };
 
-// The facts of the panel beside the session.
 struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
   std::string message;                   // the last result: a file that was written

@@ -41,7 +41,6 @@ class ViewTarget : public Clipboard {
   virtual void presentNothing(int width, int height) = 0;
   // The picture so far, panels included: 8 bits, sRGB.
   virtual Image screen(int width, int height) = 0;
-  // Shows the picture.
   virtual void show() = 0;
 };
 
