@@ -51,7 +51,7 @@ forbid(preprocess/kernels "isobrick/preprocess/[a-jl-z]" "")
 forbid(viewer "isobrick/preprocess/|tools/|tests/|openvdb/|itk" "")
 # The library isobrick_view: Python or another front end takes chunks without a renderer, and drives a session
 # by the interfaces of one.
-set(pictures "isobrick/viewer/(egl|offscreen|render_mesh|view_picture|notes|window)|epoxy/|GL/|png")
+set(pictures "isobrick/viewer/(egl|offscreen|view_picture|notes|window)|epoxy/|GL/|png")
 forbid(viewer/state "isobrick/viewer/(render|session|stream)/|${pictures}" "")
 forbid(viewer/stream "isobrick/viewer/(render|session|state)/|${pictures}" "")
 forbid(viewer/session "isobrick/viewer/render/(gl_|scene_shaders)|${pictures}" "")

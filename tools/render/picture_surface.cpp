@@ -10,7 +10,6 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/viewer/color_map.h"
-#include "isobrick/viewer/state/view_camera.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "tools/interrupt.h"
 #include "tools/measured_sink.h"
@@ -20,7 +19,7 @@ namespace isobrick {
 namespace {
 
 void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressBar& bar,
-                           ChunkSink& sink, PictureSurface& result) {
+                           ChunkSink& sink, DrawableSurface& result) {
   Extractor extractor(pyramid);
   ComponentFinder finder(query);
   MeasuredSink found(finder, bar);
@@ -35,47 +34,25 @@ void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressB
     result.pieces.largest.emplace_back(i, components.list()[i].area);
 }
 
-template <typename F>
-void forEachVertex(const PictureSurface& surface, F&& f) {
-  for (const SurfaceChunk& chunk : surface.chunks)
-    for (const SurfaceVertex& vertex : chunk.vertices)
-      f(surface.lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
-}
-
-// In front, with a sphere around the middle of the surface just in the picture.
-ViewCamera cameraAround(const RenderOptions& options, const PictureSurface& surface) {
-  constexpr double kMargin = 1.06;
-  WorldBox box = emptyWorldBox();
-  forEachVertex(surface, [&](const glm::dvec3& point) { box.include(point); });
-  ViewCamera camera;
-  if (box.empty()) return camera;
-  camera.pivot = box.center();
-  double radius = 0.0;
-  forEachVertex(surface, [&](const glm::dvec3& point) {
-    radius = std::max(radius, glm::distance(point, camera.pivot));
-  });
-  const double half_height = std::tan(0.5 * glm::radians(options.vertical_fov));
-  const double half_width = half_height * options.width / options.height;
-  const double sine = std::sin(std::atan(std::min(half_height, half_width)));
-  if (radius > 0.0) camera.distance = kMargin * radius / sine;
-  return camera;
-}
-
 }  // namespace
 
-PictureSurface extractPictureSurface(QueryOptions options, bool by_component) {
+DrawableSurface extractPictureSurface(QueryOptions options, ViewState& view) {
   const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
                                     fileAccess(options.no_map), remoteOptions(options.input));
   const Pyramid& pyramid = *file;
   chooseIsovalues(options, pyramid);
   const Query query = makeQuery(options, pyramid);
-  const GridGeometry& geometry = pyramid.spec().geometry;
-  PictureSurface result;
-  result.lattice = latticeOf(geometry);
-  result.isovalue = query.isovalue;
-  result.unit = geometry.unit;
+  DrawableSurface result;
+  result.volume.voxels = pyramid.spec().voxels;
+  result.volume.geometry = pyramid.spec().geometry;
+  view.surfaces[0].isovalue = query.isovalue;
+  if (query.focus) {
+    view.focus.center = query.focus->center;
+    view.focus.radius = query.focus->radius;
+  }
   ProgressBar bar(0, "million triangles");
   std::mutex mutex;
+  const bool by_component = view.coloring == ViewColoring::kComponent;
   ChunkSink sink({}, {nullptr, by_component}, [&](std::size_t place, SurfaceChunk&& chunk) {
     const std::lock_guard lock(mutex);
     if (result.chunks.size() <= place) result.chunks.resize(place + 1);
@@ -88,24 +65,30 @@ PictureSurface extractPictureSurface(QueryOptions options, bool by_component) {
     result.triangles = extractIsosurface(pyramid, query, measured).triangles;
   }
   warnOfEmptySurface(options, pyramid);
-  if (query.focus)
-    result.focus = {geometry.indexToWorld(query.focus->center),
-                    query.focus->radius * geometry.leastSpacing()};
   return result;
 }
 
-std::vector<RenderOptions> turntable(const RenderOptions& options, const PictureSurface& surface,
-                                     int count) {
-  ViewCamera camera = cameraAround(options, surface);
-  camera.elevation = std::clamp(options.orbit.elevation, -90.0, 90.0);
-  std::vector<RenderOptions> all;
-  for (int i = 0; i < count; ++i) {
-    camera.azimuth = options.orbit.azimuth + 360.0 * i / count;
-    const PlacedCamera placed = placeCamera(camera, 1.0);
-    all.push_back(options);
-    all.back().look_at = LookAtCamera{placed.eye, camera.pivot, placed.up};
-  }
-  return all;
+ViewCamera cameraOf(const DrawableSurface& surface, const ViewCamera& camera, double aspect,
+                    bool turns) {
+  CameraFit fit(camera, aspect);
+  WorldBox box = emptyWorldBox();
+  surface.forEachVertex([&](const glm::dvec3& point) {
+    fit.include(point);
+    box.include(point);
+  });
+  if (!turns || box.empty()) return fit.fitted();
+  // A sphere around the middle of the surface is just in the picture.
+  constexpr double kMargin = 1.06;
+  ViewCamera result = camera;
+  result.elevation = std::clamp(camera.elevation, -90.0, 90.0);
+  result.pivot = box.center();
+  double radius = 0.0;
+  surface.forEachVertex([&](const glm::dvec3& point) {
+    radius = std::max(radius, glm::distance(point, result.pivot));
+  });
+  const double half = std::tan(0.5 * glm::radians(camera.vertical_fov)) * std::min(1.0, aspect);
+  if (radius > 0.0) result.distance = kMargin * radius / std::sin(std::atan(half));
+  return result;
 }
 
 }  // namespace isobrick

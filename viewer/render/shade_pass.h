@@ -17,6 +17,7 @@
 
 namespace isobrick {
 
+// Draws a picture of the depths of opaque surfaces, without samples.
 class DepthPass {
  public:
   // Throws Error if the driver refuses the shader.

@@ -62,6 +62,7 @@ struct ReportedFrame {
 std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
                      const SessionStatus& status);
 
+// The times of the last frames, and of all of them for a report.
 class FrameLog {
  public:
   // `report_path`: empty: only the last frames are kept.

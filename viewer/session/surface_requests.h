@@ -20,6 +20,7 @@
 
 namespace isobrick {
 
+// The surfaces that are shown: of which request, and how fine.
 class ShownSurfaces {
  public:
   // `pass` is shown from now on; `asked`: by its request.

@@ -7,7 +7,6 @@
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
 
-
 namespace isobrick {
 
 double ViewMeasurement::value() const {

@@ -25,6 +25,7 @@ class GlTarget : public ViewTarget {
   std::unique_ptr<GlSceneRenderer> renderer_;  // goes before its context
 };
 
+// Without a window.
 class EglTarget : public GlTarget {
  public:
   // Throws Error that says what to install if no context can be made.

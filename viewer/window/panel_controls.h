@@ -20,4 +20,7 @@ void pieceControls(ViewSession& session, float scale);
 
 Wishes measureControls(ViewSession& session);
 
+// All of them.
+Wishes buildControls(ViewSession& session, float scale);
+
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
 
 namespace isobrick {

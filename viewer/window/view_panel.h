@@ -69,7 +69,8 @@ inline WindowAreas windowAreas(int window_width, int window_height, double scale
   return areas;
 }
 
-// One at a time on the thread of the current context, which outlives it.
+// A picture on the graphics card, for ImGui::Image(). One at a time on the thread of the current
+// context, which outlives it.
 class PanelTexture {
  public:
   // The pixels of a picture that has at least one. Its size may change from call to call.
@@ -81,10 +82,6 @@ class PanelTexture {
   GlTexture texture_;
   int width_ = 0, height_ = 0;
 };
-
-// Into the window of Dear ImGui that is being built. Applies the user's changes to the session's
-// state. `scale`: pixels of this screen that are one of an ordinary one.
-Wishes buildControls(ViewSession& session, float scale);
 
 // With Dear ImGui, between its begin and its end of a frame. `hovers`: the cursor is over the
 // scene, which is in `area` of the window.

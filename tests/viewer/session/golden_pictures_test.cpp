@@ -11,6 +11,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/picture_similarity.h"
@@ -27,8 +28,9 @@ constexpr int kWidth = 160, kHeight = 120;
 Image pictureOf(const std::shared_ptr<const Pyramid>& pyramid, const ViewState& state,
                 int threads) {
   Image picture;
-  drawViews(pyramid, {&state, 1}, {kWidth, kHeight, threads, false}, CancelFlag(),
-            [&](ViewRows rows) { appendRows(rows.rows, picture); });
+  OffscreenRenderer renderer;
+  renderer.drawViews(pyramid, {&state, 1}, {kWidth, kHeight, threads, false}, CancelFlag(),
+                     [&](ViewRows rows) { appendRows(rows.rows, picture); });
   return picture;
 }
 
