@@ -7,7 +7,7 @@
 //
 // A program links the libraries that it uses: isobrick::storage, extract, preprocess, sources,
 // export and view. A header that is not included here belongs to the library itself, and may change
-// at any time; but pictures are made with `isobrick/viewer/offscreen_renderer.h`.
+// at any time; but pictures are written with `isobrick/viewer/image.h`.
 #pragma once
 
 #include "isobrick/extract/extractor.h"

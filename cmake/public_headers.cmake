@@ -46,8 +46,5 @@ set(isobrick_public_headers
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
     viewer/color_map.h
-    viewer/image.h
-    viewer/offscreen_renderer.h
-    viewer/picture_notes.h
-    viewer/sphere_outline.h)
+    viewer/image.h)
 endif()

@@ -5,18 +5,16 @@
 #include <glm/geometric.hpp>
 #include <memory>
 #include <numbers>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "isobrick/storage/abandonable.h"
-#include "isobrick/viewer/background.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/state/view_file.h"
-#include "isobrick/viewer/state/view_path.h"
-#include "isobrick/viewer/view_picture.h"
+#include "isobrick/viewer/state/view_history.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -26,7 +24,6 @@
 #include "tools/query_options.h"
 #include "tools/render/picture_output.h"
 #include "tools/render/picture_surface.h"
-#include "tools/render/picture_turntable.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {
@@ -38,7 +35,8 @@ struct RenderArguments {
   PrintSize print_size{1024.0, 1024.0, false};
   std::optional<double> pixels_per_inch;
   PixelSize size;  // both together
-  RenderOptions picture;
+  ViewState view;  // without --state
+  bool by_level = false, by_component = false;
   bool show_focus = false;
   bool force = false;
   // Saved views, in place of most of the above: one, or the stops of the camera's path.
@@ -54,51 +52,20 @@ std::vector<std::string> inputsOf(const RenderArguments& arguments) {
 }
 
 // The query's eye, if it looks at something, is the picture's; sizes in pixels are then those of
-// this picture, unless the user gave others.
-void placeEye(RenderArguments& arguments) {
+// this picture, unless the user gave others. False: the picture has an eye of its own.
+bool placeEye(RenderArguments& arguments) {
   ChoiceOptions& choice = arguments.query.choice;
-  if (!choice.eye || !choice.look_at || choice.pixels_per_unit) return;
-  LookAtCamera& camera = arguments.picture.look_at.emplace();
-  camera.eye = *choice.eye;
-  camera.target = *choice.look_at;
-  const glm::dvec3 forward = glm::normalize(camera.target - camera.eye);
-  if (std::abs(glm::dot(forward, camera.up)) > 0.999) camera.up = {0.0, 1.0, 0.0};
+  if (!choice.eye || !choice.look_at || choice.pixels_per_unit) return false;
+  arguments.view.camera = lookingAt(*choice.eye, *choice.look_at);
   // From corner to corner, and from the lower edge to the upper one.
   const double diagonal =
       choice.field_of_view.value_or(kDefaultFieldOfView) * std::numbers::pi / 180;
   const double height = arguments.size.height;
   const double vertical =
       2 * std::atan(std::tan(diagonal / 2) * height / std::hypot(height, arguments.size.width));
-  arguments.picture.vertical_fov = vertical * 180 / std::numbers::pi;
+  arguments.view.camera.vertical_fov = vertical * 180 / std::numbers::pi;
   if (!choice.pixels_per_radian) choice.pixels_per_radian = height / vertical;
-}
-
-PictureLegend legendOf(const RenderOptions& options, const PictureSurface& surface) {
-  PictureLegend legend;
-  if (options.color_by_component) {
-    addPieces({surface.pieces}, surface.unit, legend);
-    return legend;
-  }
-  if (!options.color_by_level) {
-    legend.patches.push_back(
-        {options.surface_color, fmt::format("isovalue {:.6g}", surface.isovalue)});
-    return legend;
-  }
-  std::set<int> levels;
-  for (const SurfaceChunk& chunk : surface.chunks) levels.insert(chunk.level);
-  for (const int level : levels)
-    legend.patches.push_back({levelColor(level), fmt::format("level {}", level)});
-  return legend;
-}
-
-RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureSurface& surface) {
-  RenderOptions options = arguments.picture;
-  options.width = arguments.size.width;
-  options.height = arguments.size.height;
-  if (arguments.show_focus) options.focus_sphere = surface.focus;
-  options.notes.unit = surface.unit;
-  options.notes.meaning = legendOf(options, surface);
-  return options;
+  return true;
 }
 
 std::shared_ptr<PictureOutput> outputOf(const RenderArguments& arguments) {
@@ -130,22 +97,21 @@ int renderStates(RenderArguments& arguments) {
                               : viewsAlong(views, arguments.pictures);
   const Stopwatch watch;
   std::uint64_t triangles = 0;
-  std::string device;
+  OffscreenRenderer renderer;
   runWithThreads(arguments.query.threads, [&] {
     const auto pyramid =
         openPyramidFile(arguments.query.input.pyramid, arguments.query.memory_bytes,
                         fileAccess(arguments.query.no_map), remoteOptions(arguments.query.input));
     const ViewDrawing drawing{arguments.size.width, arguments.size.height, arguments.query.threads,
                               output->format() == ImageFormat::kExr};
-    drawViews(pyramid, views, drawing, interruptFlag(), [&](ViewRows rows) {
+    renderer.drawViews(pyramid, views, drawing, interruptFlag(), [&](ViewRows rows) {
       triangles = rows.triangles;
-      device = rows.device;
       output->add(rows.picture, rows.shape, std::move(rows.rows), rows.share);
     });
   });
   output->finish();
   fmt::print("{}: {}, {} triangles; {:.2f} s ({})\n", arguments.output, sizeText(arguments),
-             countText(triangles), watch.seconds(), device);
+             countText(triangles), watch.seconds(), renderer.deviceName());
   return 0;
 }
 
@@ -155,26 +121,33 @@ int runRender(RenderArguments arguments) {
   const std::shared_ptr<PictureOutput> output = outputOf(arguments);
   const auto renderer = std::make_shared<OffscreenRenderer>();
   findPyramid(arguments.query);
-  placeEye(arguments);
+  const bool has_eye = placeEye(arguments);
+  ViewState& view = arguments.view;
+  view.coloring = arguments.by_component ? ViewColoring::kComponent
+                  : arguments.by_level   ? ViewColoring::kLevel
+                                         : ViewColoring::kPlain;
+  view.show_box = false;
+  view.focus.show_sphere = arguments.show_focus;
   const Stopwatch extract_watch;
-  PictureSurface surface = runWithThreads(arguments.query.threads, [&] {
-    return extractPictureSurface(arguments.query, arguments.picture.color_by_component);
-  });
+  auto surface = std::make_shared<DrawableSurface>(runWithThreads(
+      arguments.query.threads, [&] { return extractPictureSurface(arguments.query, view); }));
   const double extract_seconds = extract_watch.seconds();
 
   const Stopwatch draw_watch;
-  std::vector<RenderOptions> options{makeRenderOptions(arguments, surface)};
-  if (arguments.pictures > 1) options = turntable(options.front(), surface, arguments.pictures);
-  const PictureShape shape{arguments.size.width, arguments.size.height};
-  const auto chunks = std::make_shared<std::vector<SurfaceChunk>>(std::move(surface.chunks));
+  const std::uint64_t triangles = surface->triangles;
+  const ViewDrawing drawing{arguments.size.width, arguments.size.height};
+  const bool turns = arguments.pictures > 1;
+  if (!has_eye)
+    view.camera =
+        cameraOf(*surface, view.camera, static_cast<double>(drawing.width) / drawing.height, turns);
+  const std::vector<ViewState> views = turntable(view, arguments.pictures);
   try {
     // OpenGL does not stop before its end.
-    runAbandonable(&interruptFlag(), [renderer, chunks, output, shape, lattice = surface.lattice,
-                                      options = std::move(options)] {
-      renderer->renderRows(std::move(*chunks), lattice, options,
-                           [&](std::size_t picture, Image rows, double share) {
-                             output->add(picture, shape, std::move(rows), share);
-                           });
+    runAbandonable(&interruptFlag(), [renderer, surface, output, views, drawing] {
+      renderer->drawSurface(
+          std::move(*surface), views, drawing, interruptFlag(), [&](ViewRows rows) {
+            output->add(rows.picture, rows.shape, std::move(rows.rows), rows.share);
+          });
       return true;
     });
     output->finish();
@@ -183,8 +156,8 @@ int runRender(RenderArguments arguments) {
     throw;
   }
   fmt::print("{}: {}, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n", arguments.output,
-             sizeText(arguments), countText(surface.triangles), extract_seconds,
-             draw_watch.seconds(), renderer->deviceName());
+             sizeText(arguments), countText(triangles), extract_seconds, draw_watch.seconds(),
+             renderer->deviceName());
   return 0;
 }
 
@@ -208,17 +181,17 @@ void checkArguments(RenderArguments& arguments, bool has_isovalue) {
 }
 
 // "dark", "light", "white", or a colour.
-glm::vec3 parseBackground(RenderOptions& picture, const std::string& text) {
+glm::vec3 parseBackground(ViewState& view, const std::string& text) {
   for (const Background& background : kBackgrounds)
     if (text == background.name) {
-      picture.background_bottom = background.bottom;
+      view.background_bottom = background.bottom;
       return background.top;
     }
-  return picture.background_bottom = parseColor(text);
+  return view.background_bottom = parseColor(text);
 }
 
 void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
-  RenderOptions& picture = arguments.picture;
+  ViewState& view = arguments.view;
   beginGroup(app, kPictureGroup);
   addParsedOption(app, "--size", arguments.print_size, parsePrintSize, "WxH",
                   "Pixels, or, with --dpi, millimetres such as 85x60mm; default: 1024x1024");
@@ -230,34 +203,34 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
   addParsedOption(app, "--pictures-per-second", arguments.pictures_per_second, numberFrom(0.1), "N",
                   "Of a movie; default: 25")
       ->needs(findOption(app, "--pictures"));
-  addParsedOption(app, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
+  addParsedOption(app, "--azimuth", view.camera.azimuth, parseNumber, "DEGREES",
                   "Walk around the surface, to the right; 0 looks along +y; default: 25");
-  addParsedOption(app, "--elevation", picture.orbit.elevation, parseNumber, "DEGREES",
+  addParsedOption(app, "--elevation", view.camera.elevation, parseNumber, "DEGREES",
                   "Look from above, up to 90, or from below; default: 15");
-  app.add_flag("--color-by-level", picture.color_by_level,
+  app.add_flag("--color-by-level", arguments.by_level,
                "Colour triangles by their level: red for 0, then yellow, green, blue");
-  app.add_flag("--color-by-component", picture.color_by_component,
+  app.add_flag("--color-by-component", arguments.by_component,
                "Colour the connected pieces by their area: orange for the largest, then sky blue, "
                "green, yellow, blue, red, purple, and again")
       ->excludes(findOption(app, "--color-by-level"));
-  app.add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
-  app.add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
-  app.add_flag("--shadow", picture.shadow, "The surface throws a soft shadow on itself");
-  app.add_flag("--scale-bar", picture.notes.scale_bar,
+  app.add_flag("--wireframe", view.wireframe, "Draw the edges of the triangles");
+  app.add_flag("--ambient-occlusion", view.ambient_occlusion, "Darken the surface in hollows");
+  app.add_flag("--shadow", view.shadow, "The surface throws a soft shadow on itself");
+  app.add_flag("--scale-bar", view.pictures.scale_bar,
                "Draw a scale bar; it measures in the middle of what is framed");
-  app.add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");
-  app.add_flag("--legend", picture.notes.legend, "Draw what the colours mean");
+  app.add_flag("--axes", view.pictures.axes, "Draw the directions of the world's x, y and z");
+  app.add_flag("--legend", view.pictures.legend, "Draw what the colours mean");
   app.add_flag("--show-focus", arguments.show_focus, "Draw the outline of the sphere of interest")
       ->needs(findOption(app, "--focus"));
-  addParsedOption(app, "--color", picture.surface_color, parseColor, "R,G,B",
+  addParsedOption(app, "--color", view.surfaces[0].color, parseColor, "R,G,B",
                   "Colour of the surface, sRGB from 0 to 1");
-  addParsedOption(app, "--background-top", picture.background_top, parseColor, "R,G,B",
+  addParsedOption(app, "--background-top", view.background_top, parseColor, "R,G,B",
                   "Colour at the upper edge of the picture");
-  addParsedOption(app, "--background-bottom", picture.background_bottom, parseColor, "R,G,B",
+  addParsedOption(app, "--background-bottom", view.background_bottom, parseColor, "R,G,B",
                   "Colour at the lower edge");
   addParsedOption(
-      app, "--background", picture.background_top,
-      [&picture](const std::string& text) { return parseBackground(picture, text); },
+      app, "--background", view.background_top,
+      [&view](const std::string& text) { return parseBackground(view, text); },
       "dark|light|white|R,G,B",
       "Both of them: for screens (default), slides or print; or a colour");
 }

@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/picture_bands.h"
+#include "isobrick/viewer/picture_writer.h"
 
 namespace isobrick {
 namespace {

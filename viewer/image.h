@@ -91,16 +91,13 @@ ImageFormat imageFormatOf(const std::filesystem::path& path);
 // several threads for different paths.
 void writeImage(const std::filesystem::path& path, const Image& image);
 
-// The picture as the bytes of a file of that format.
-std::vector<char> encodeImage(ImageFormat format, const Image& image);
-
-// The bytes of a file. `image` has at least one pixel. Throws Error (without a path).
+// The picture, which has at least one pixel, as the bytes of a file of that format. Throws Error
+// (without a path).
 // PNG: RGB, or RGBA not premultiplied, 8 bits, sRGB curve, values clipped to 0..1; no other layers.
 // The size of a print is kept as whole pixels per metre.
-std::vector<char> encodePng(const Image& image);
 // EXR: one part of scan lines, channels R, G, B and, if there is alpha, A (premultiplied) as
 // half floats (11 significant bits, values clipped to +-65504), ZIP compression, chromaticities of
 // Rec. 709. Depth is the channel Z, as 32-bit floats; normals are N.X, N.Y and N.Z, as half floats.
-std::vector<char> encodeExr(const Image& image);
+std::vector<char> encodeImage(ImageFormat format, const Image& image);
 
 }  // namespace isobrick

@@ -1,188 +1,136 @@
 #include "isobrick/viewer/offscreen_renderer.h"
 
-#include <algorithm>
-#include <cassert>
-#include <cstddef>
-#include <glm/geometric.hpp>
+#include <chrono>
+#include <limits>
+#include <set>
+#include <thread>
 #include <utility>
 
-#include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
-#include "isobrick/viewer/mesh_chunks.h"
-#include "isobrick/viewer/picture_tiles.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
-#include "isobrick/viewer/render_camera.h"
+#include "isobrick/viewer/session/view_session.h"
+#include "isobrick/viewer/view_picture.h"
 
 namespace isobrick {
 namespace {
 
-// For meshes too: the frame includes unused positions, and chunks hold only used ones.
-template <typename ForEachPoint>
-SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
-                   const WorldBox& bounds, ForEachPoint&& forEachPoint) {
-  SceneFrame frame;
-  frame.width = options.width;
-  frame.height = options.height;
-  frame.camera = placeCamera(options, forEachPoint);
-  frame.bounds = bounds;
-  frame.lattice = lattice;
-  frame.surfaces[0].color = options.surface_color;
-  frame.color_by_level = options.color_by_level;
-  frame.color_by_component = options.color_by_component;
-  frame.wireframe = options.wireframe;
-  frame.ambient_occlusion = options.ambient_occlusion;
-  frame.shadow = options.shadow;
-  frame.sphere = options.focus_sphere;
-  frame.back_color = options.back_color;
-  frame.background_top = options.background_top;
-  frame.background_bottom = options.background_bottom;
-  frame.pixel_scale = lineScaleOf(frame.width, frame.height);
-  return frame;
-}
-
-template <typename ForEachPoint>
-WorldBox boxOfPoints(ForEachPoint&& forEachPoint) {
-  WorldBox bounds = emptyWorldBox();
-  forEachPoint([&](const glm::dvec3& point) { bounds.include(point); });
-  return bounds;
-}
-
-// From the eye to the target, or to the middle of what is framed.
-double targetDistance(const RenderOptions& options, const SceneFrame& frame) {
-  if (options.look_at) return glm::distance(options.look_at->eye, options.look_at->target);
-  const std::optional<RenderBox>& box = options.orbit.box;
-  const glm::dvec3 middle =
-      box ? 0.5 * (glm::dvec3(box->lower) + glm::dvec3(box->upper)) : frame.bounds.center();
-  return glm::dot(middle - frame.camera.eye, frame.camera.forward);
-}
-
-SceneWithNotes withNotes(const RenderOptions& options, const SceneFrame& frame) {
-  return {frame, false, options.notes, targetDistance(options, frame)};
-}
-
-void checkOptions(const RenderOptions& options) {
-  checkPictureSize(options.width, options.height);
-  if (!(options.vertical_fov >= 1.0 && options.vertical_fov <= 150.0)) {
-    throw Error("cannot render with a vertical field of view of " +
-                std::to_string(options.vertical_fov) + " degrees: choose 1 to 150");
+void drawRows(SceneRenderer& renderer, SceneWithNotes scene, std::size_t picture,
+              std::uint64_t triangles, const CancelFlag& cancel,
+              const OffscreenRenderer::TakeRows& take) {
+  PictureTiles tiles(renderer, std::move(scene));
+  while (!tiles.done()) {
+    cancel.check();
+    if (std::optional<Image> rows = tiles.drawNext())
+      take({picture, tiles.shape(), std::move(*rows), tiles.share(), triangles});
   }
 }
 
-// Takes the rows of pictures without layers, and passes on each picture that is complete.
-std::function<void(Image rows, double share)> wholePictures(std::function<void(Image)> take) {
-  return [take = std::move(take), whole = Image{}](Image rows, double share) mutable {
-    appendRows(rows, whole);
-    if (share >= 1.0) take(std::exchange(whole, Image{}));
-  };
-}
+// Keeps chunks until it ends.
+class KeptSurface {
+ public:
+  KeptSurface(SceneRenderer& renderer, std::size_t chunks) : renderer_(renderer) {
+    ids_.reserve(chunks);
+  }
+  ~KeptSurface() {
+    for (const ChunkId id : ids_) renderer_.release(id);
+  }
+  KeptSurface(const KeptSurface&) = delete;
+  KeptSurface& operator=(const KeptSurface&) = delete;
+
+  void add(const SurfaceChunk& chunk) { ids_.push_back(renderer_.upload(chunk)); }
+  const std::vector<ChunkId>& ids() const { return ids_; }
+
+ private:
+  SceneRenderer& renderer_;
+  std::vector<ChunkId> ids_;
+};
 
 }  // namespace
-
-// ---------------------------------------------------------------------------------------- context
 
 class OffscreenRenderer::Context {
  public:
   Context() {
-    const EglContext::CurrentScope current(egl_);
-    scene_ = std::make_unique<GlSceneRenderer>();
+    const EglContext::CurrentScope current(egl);
+    renderer = std::make_unique<GlSceneRenderer>();
   }
   ~Context() {
-    const EglContext::CurrentScope current(egl_);
-    scene_.reset();
+    const EglContext::CurrentScope current(egl);
+    renderer.reset();
   }
 
-  using TakeRows = std::function<void(std::size_t picture, Image rows, double share)>;
-  void renderEach(std::vector<SurfaceChunk> chunks, std::vector<SceneWithNotes> scenes,
-                  const TakeRows& take);
-
-  const std::string& deviceName() const { return scene_->deviceName(); }
-
- private:
-  EglContext egl_;
-  std::unique_ptr<GlSceneRenderer> scene_;
+  EglContext egl;
+  std::unique_ptr<GlSceneRenderer> renderer;
 };
-
-void OffscreenRenderer::Context::renderEach(std::vector<SurfaceChunk> chunks,
-                                            std::vector<SceneWithNotes> scenes,
-                                            const TakeRows& take) {
-  const EglContext::CurrentScope current(egl_);
-  std::vector<ChunkId> kept;
-  kept.reserve(chunks.size());
-  const auto forget = [&] {
-    for (const ChunkId chunk : kept) scene_->release(chunk);
-  };
-  try {
-    for (SurfaceChunk& chunk : chunks) kept.push_back(scene_->upload(std::exchange(chunk, {})));
-    for (std::size_t i = 0; i < scenes.size(); ++i) {
-      scenes[i].frame.chunks = kept;
-      PictureTiles tiles(*scene_, std::move(scenes[i]));
-      while (!tiles.done())
-        if (std::optional<Image> rows = tiles.drawNext()) take(i, std::move(*rows), tiles.share());
-    }
-  } catch (...) {
-    forget();
-    throw;
-  }
-  forget();
-}
-
-// --------------------------------------------------------------------------------------- renderer
 
 OffscreenRenderer::OffscreenRenderer() : context_(std::make_unique<Context>()) {}
 OffscreenRenderer::~OffscreenRenderer() = default;
 
-Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& options) {
-  assert(mesh.triangles.size() % 3 == 0);
-  assert(mesh.normals.empty() || mesh.normals.size() == mesh.positions.size());
-  assert(mesh.triangle_levels.empty() || mesh.triangle_levels.size() == mesh.triangles.size() / 3);
-  checkOptions(options);
-  const auto forEachPoint = [&](auto&& f) {
-    for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
-  };
-  const SceneFrame frame =
-      frameOf(options, SceneLattice{}, boxOfPoints(forEachPoint), forEachPoint);
-  Image picture;
-  const auto takeWhole = wholePictures([&](Image whole) { picture = std::move(whole); });
-  context_->renderEach(
-      chunksOf(mesh, options.color_by_level), {withNotes(options, frame)},
-      [&](std::size_t, Image rows, double share) { takeWhole(std::move(rows), share); });
-  return picture;
+const std::string& OffscreenRenderer::deviceName() const {
+  return context_->renderer->deviceName();
 }
 
-Image OffscreenRenderer::render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
-                                const RenderOptions& options) {
-  Image picture;
-  renderEach(std::move(chunks), lattice, {&options, 1},
-             [&](Image drawn) { picture = std::move(drawn); });
-  return picture;
-}
-
-void OffscreenRenderer::renderEach(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
-                                   std::span<const RenderOptions> options,
-                                   const std::function<void(Image picture)>& take) {
-  const auto takeWhole = wholePictures(take);
-  renderRows(std::move(chunks), lattice, options,
-             [&](std::size_t, Image rows, double share) { takeWhole(std::move(rows), share); });
-}
-
-void OffscreenRenderer::renderRows(
-    std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
-    std::span<const RenderOptions> options,
-    const std::function<void(std::size_t picture, Image rows, double share)>& take) {
-  const auto forEachPoint = [&](auto&& f) {
-    for (const SurfaceChunk& chunk : chunks)
-      for (const SurfaceVertex& vertex : chunk.vertices)
-        f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
-  };
-  const WorldBox bounds = boxOfPoints(forEachPoint);
-  std::vector<SceneWithNotes> scenes;
-  for (const RenderOptions& each : options) {
-    checkOptions(each);
-    scenes.push_back(withNotes(each, frameOf(each, lattice, bounds, forEachPoint)));
+void OffscreenRenderer::drawViews(std::shared_ptr<const Pyramid> pyramid,
+                                  std::span<const ViewState> states, const ViewDrawing& drawing,
+                                  const CancelFlag& cancel, const TakeRows& take) {
+  const auto [width, height, threads, layers] = drawing;
+  checkPictureSize(width, height);
+  const EglContext::CurrentScope current(context_->egl);
+  GlSceneRenderer& renderer = *context_->renderer;
+  ViewSession session(std::move(pyramid), renderer,
+                      {threads, std::numeric_limits<std::uint64_t>::max()});
+  session.apply(InputEvent::resized(width, height), 0.0, false);
+  double clock = 0.0;  // nothing moves: any clock does
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    session.show(states[i]);
+    do {
+      cancel.check();
+      session.update(clock += 1.0);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    } while (!session.settled());
+    const SessionStatus status = session.status();
+    if (!status.error.empty()) throw Error(status.error);
+    if (session.isOverBudget())
+      throw Error(
+          "the graphics card has no memory for surfaces as fine as the view asks for; set a "
+          "region of interest, or draw with ISOBRICK_GRAPHICS=software");
+    drawRows(renderer, pictureSceneOf(session, width, height, layers), i, status.triangles, cancel,
+             take);
   }
-  context_->renderEach(std::move(chunks), std::move(scenes), take);
 }
 
-const std::string& OffscreenRenderer::deviceName() const { return context_->deviceName(); }
+void OffscreenRenderer::drawSurface(DrawableSurface surface, std::span<const ViewState> states,
+                                    const ViewDrawing& drawing, const CancelFlag& cancel,
+                                    const TakeRows& take) {
+  const auto [width, height, threads, layers] = drawing;
+  checkPictureSize(width, height);
+  WorldBox bounds = emptyWorldBox();
+  surface.forEachVertex([&](const glm::dvec3& point) { bounds.include(point); });
+  std::set<int> found;
+  for (const SurfaceChunk& chunk : surface.chunks) found.insert(chunk.level);
+  std::vector<LevelCounts> levels;
+  for (const int level : found) levels.emplace_back().level = level;
+  const EglContext::CurrentScope current(context_->egl);
+  KeptSurface kept(*context_->renderer, surface.chunks.size());
+  for (SurfaceChunk& chunk : surface.chunks) kept.add(std::exchange(chunk, {}));
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const ViewState& state = states[i];
+    if (!(state.camera.vertical_fov >= 1.0 && state.camera.vertical_fov <= 150.0))
+      throw Error("cannot render with a vertical field of view of " +
+                  std::to_string(state.camera.vertical_fov) + " degrees: choose 1 to 150");
+    const bool by_piece = state.coloring == ViewColoring::kComponent;
+    SceneWithNotes scene;
+    scene.frame = sceneOf(state, surface.volume, width, height);
+    scene.frame.bounds = bounds;
+    scene.frame.fill_sphere = false;
+    scene.frame.color_by_component = by_piece;
+    scene.frame.pixel_scale = lineScaleOf(width, height);
+    scene.frame.chunks = kept.ids();
+    scene.layers = layers;
+    scene.notes = notesOf(state, levels, std::nullopt, surface.volume.geometry.unit,
+                          by_piece ? std::vector{surface.pieces} : std::vector<ColoredPieces>());
+    scene.target_distance = state.camera.distance;
+    drawRows(*context_->renderer, std::move(scene), i, surface.triangles, cancel, take);
+  }
+}
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-// What is written into a picture: a scale bar, the world's axes and a legend.
+// What is written into a picture: a scale bar, the world's axes, a legend, marks, a sphere.
 #pragma once
 
 #include <array>
@@ -44,6 +44,14 @@ struct PictureNotes {
 
   // True if there is something to draw.
   bool any() const { return scale_bar || axes || legend || !marks.empty(); }
+};
+
+// A sphere whose outline is a part of a picture.
+struct SphereOutline {
+  glm::dvec3 center{0.0};  // world units
+  double radius = 0.0;     // world units, > 0
+
+  bool operator==(const SphereOutline&) const = default;  // equal in all
 };
 
 }  // namespace isobrick

@@ -1,11 +1,29 @@
 #include "isobrick/viewer/picture_writer.h"
 
 #include <chrono>
+#include <cstring>
 #include <utility>
 
 #include "isobrick/storage/atomic_file.h"
 
 namespace isobrick {
+
+PictureShape shapeOf(const Image& image) {
+  return {image.width,          image.height,           !image.alpha.empty(),
+          !image.depth.empty(), !image.normals.empty(), image.pixels_per_inch};
+}
+
+std::unique_ptr<BandEncoder> makeBandEncoder(ImageFormat format, const PictureShape& shape,
+                                             WriteAt write) {
+  return format == ImageFormat::kPng ? makePngEncoder(shape, std::move(write))
+                                     : makeExrEncoder(shape, std::move(write));
+}
+
+void MemoryFile::write(const void* data, std::size_t bytes, std::uint64_t offset) {
+  if (bytes == 0) return;
+  if (offset + bytes > bytes_.size()) bytes_.resize(offset + bytes);
+  std::memcpy(bytes_.data() + offset, data, bytes);
+}
 
 class PictureWriter::Output {
  public:

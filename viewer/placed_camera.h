@@ -55,7 +55,6 @@ struct DepthProjection {
   double depthAt(double distance) const {
     return (offset - scale * distance) / (orthographic ? 1.0 : distance);
   }
-  // The inverse.
   double distanceAt(double depth) const {
     return orthographic ? (offset - depth) / scale : offset / (depth + scale);
   }

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "isobrick/viewer/render/free_runs.h"
+#include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "tests/faults/fault_sweep.h"
 #include "tests/support/child_process.h"

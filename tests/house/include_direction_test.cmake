@@ -51,10 +51,10 @@ forbid(preprocess/kernels "isobrick/preprocess/[a-jl-z]" "")
 forbid(viewer "isobrick/preprocess/|tools/|tests/|openvdb/|itk" "")
 # The library isobrick_view: Python or another front end takes chunks without a renderer, and drives a session
 # by the interfaces of one.
-set(pictures "isobrick/viewer/(egl|offscreen|render_camera|outline|mesh_chunks|view_picture|notes|window)|epoxy/|GL/|png")
+set(pictures "isobrick/viewer/(egl|offscreen|view_picture|notes|window)|epoxy/|GL/|png")
 forbid(viewer/state "isobrick/viewer/(render|session|stream)/|${pictures}" "")
 forbid(viewer/stream "isobrick/viewer/(render|session|state)/|${pictures}" "")
-forbid(viewer/session "isobrick/viewer/render/(gl_|upload_|scene_shaders)|${pictures}" "")
+forbid(viewer/session "isobrick/viewer/render/(gl_|scene_shaders)|${pictures}" "")
 forbid(viewer/render "isobrick/viewer/(session|state)/" "")
 forbid(viewer/render "${pictures}" "gl_|_shaders|_pass|chunk_draws")
 forbid(viewer "Imf|OpenEXR" "^exr_writer")

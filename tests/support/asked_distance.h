@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "isobrick/viewer/render/depth_readback.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick::test {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/picture_bytes.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 
 namespace isobrick::test {
 

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "isobrick/viewer/picture_bytes.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 
 namespace isobrick::test {
 

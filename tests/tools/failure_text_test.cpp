@@ -89,7 +89,7 @@ TEST_F(FailureTextTest, TheTextsOfTheCommandsNameTheirOwnOptions) {
       {"convert_command.cpp", {"convert"}},
       {"extract_command.cpp", {"extract"}},
       {"render_command.cpp", {"render"}},
-      {"picture_sequence.cpp", {"render"}},
+      {"picture_output.cpp", {"render"}},
       {"phantom_command.cpp", {"phantom"}},
       {"bench_command.cpp", {"bench"}},
       {"query_options.cpp", of_queries},

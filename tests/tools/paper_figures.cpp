@@ -25,9 +25,9 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "tests/support/mesh_checker.h"
+#include "tests/support/mesh_picture.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/reference_mesher.h"
@@ -92,7 +92,7 @@ struct MeshArguments {
   // Pictures: NAME-cracks.png, NAME-fans.png, NAME-split.png, NAME-uniform.png.
   std::string pictures;
   std::vector<double> box;  // of the close-up, voxel indices
-  RenderOptions look;
+  MeshLook look;
 };
 
 struct DrawnMesh {
@@ -111,16 +111,18 @@ DrawnMesh drawnMesh(const SplitMesh& mesh) {
 
 void draw(const std::string& path, const DrawnMesh& mesh, const MeshArguments& arguments) {
   static OffscreenRenderer renderer;
-  RenderOptions look = arguments.look;
+  MeshLook look = arguments.look;
   look.width = 400;
   look.height = 320;
-  look.wireframe = look.color_by_level = true;
+  look.view.wireframe = true;
+  look.view.coloring = ViewColoring::kLevel;
   if (!arguments.box.empty()) {
     const std::vector<double>& box = arguments.box;
-    look.orbit.box = RenderBox{vector3(box), vector3({box.at(3), box.at(4), box.at(5)})};
+    look.frame = WorldBox{vector3(box), vector3({box.at(3), box.at(4), box.at(5)})};
   }
   const std::vector<glm::vec3> positions(mesh.positions.begin(), mesh.positions.end());
-  writeImage(path, renderer.render({positions, {}, mesh.triangles, mesh.levels}, look));
+  writeImage(path,
+             pictureOf(renderer, surfaceOf(positions, {}, mesh.triangles, mesh.levels), look));
 }
 
 json reportOf(const DrawnMesh& mesh, const Index3& voxels) {
@@ -287,23 +289,25 @@ json timeFrames(const FrameArguments& arguments) {
     return std::chrono::duration<double, std::milli>(d).count();
   };
   OffscreenRenderer renderer;
-  RenderOptions look;
+  MeshLook look;
   look.width = 640;
   look.height = 480;
   std::vector<double> triangles, extract_ms, draw_ms;
   for (const Query& query : queries) {
-    std::vector<SurfaceChunk> chunks;
+    DrawableSurface surface;
+    surface.volume.voxels = pyramid.spec().voxels;
+    surface.volume.geometry = pyramid.spec().geometry;
     std::mutex mutex;
     ChunkSink sink({}, {}, [&](std::size_t, SurfaceChunk&& chunk) {
       const std::lock_guard lock(mutex);
-      chunks.push_back(std::move(chunk));
+      surface.chunks.push_back(std::move(chunk));
     });
     const Clock::time_point begin = Clock::now();
     triangles.push_back(static_cast<double>(extractor.extract(query, sink).triangles));
     const Clock::time_point extracted = Clock::now();
     extract_ms.push_back(milliseconds(extracted - begin));
     if (!arguments.is_drawn) continue;
-    renderer.render(std::move(chunks), latticeOf(pyramid.spec().geometry), look);
+    pictureOf(renderer, std::move(surface), look);
     draw_ms.push_back(milliseconds(Clock::now() - extracted));
   }
   json result = {{"frames", arguments.frames},
@@ -330,8 +334,8 @@ int run(int argc, char** argv) {
   meshes_app.add_option("--box", meshes.box, "Of a close-up: voxel indices")
       ->delimiter(',')
       ->expected(6);
-  meshes_app.add_option("--azimuth", meshes.look.orbit.azimuth);
-  meshes_app.add_option("--elevation", meshes.look.orbit.elevation);
+  meshes_app.add_option("--azimuth", meshes.look.view.camera.azimuth);
+  meshes_app.add_option("--elevation", meshes.look.view.camera.elevation);
 
   std::string cells_file;
   std::vector<std::vector<std::int64_t>> places;

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <thread>
 
-#include "isobrick/viewer/picture_bytes.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 #include "tests/support/command_test.h"
 #include "tests/support/png_reader.h"
 #include "tests/support/requirement.h"

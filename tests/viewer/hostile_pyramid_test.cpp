@@ -29,8 +29,8 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_verify.h"
-#include "isobrick/viewer/offscreen_renderer.h"
 #include "tests/support/array_source.h"
+#include "tests/support/mesh_picture.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/temporary_folder.h"
 
@@ -304,17 +304,16 @@ class Harness {
         pyramid.spec().geometry.indexToWorld(glm::dvec3(pyramid.spec().voxels - Index3(1)) / 2.0);
     std::vector<glm::vec3> positions;
     for (const glm::dvec3& p : mesh.positions) positions.emplace_back(p - center);
-    RenderOptions options;
-    options.width = 24;
-    options.height = 16;
-    options.color_by_level = random() % 2 == 0;
-    options.wireframe = random() % 2 == 0;
+    MeshLook look;
+    look.width = 24;
+    look.height = 16;
+    if (random() % 2 == 0) look.view.coloring = ViewColoring::kLevel;
+    look.view.wireframe = random() % 2 == 0;
     if (!renderer_) renderer_ = std::make_unique<OffscreenRenderer>();
     const bool with_normals = random() % 4 != 0;
-    const Image image =
-        renderer_->render({positions, with_normals ? mesh.normals : std::vector<glm::vec3>(),
-                           mesh.triangles, mesh.triangle_levels},
-                          options);
+    const std::vector<glm::vec3> normals = with_normals ? mesh.normals : std::vector<glm::vec3>();
+    const Image image = pictureOf(
+        *renderer_, surfaceOf(positions, normals, mesh.triangles, mesh.triangle_levels), look);
     EXPECT_EQ(image.rgb.size(), 3u * 24 * 16);
     ++tally_.pictures;
   }

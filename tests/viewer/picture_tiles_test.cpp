@@ -1,7 +1,5 @@
 // Pictures of any size: drawn in tiles they are what they are in one piece, and written in bands
 // what they are in memory.
-#include "isobrick/viewer/picture_tiles.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -328,7 +326,7 @@ TEST(LargePictureTest, AWriterGivesTheFileItsNameAtTheEnd) {
     writer.wait();
     EXPECT_TRUE(writer.done());
   }
-  const std::vector<char> whole = encodePng(image);
+  const std::vector<char> whole = encodeImage(ImageFormat::kPng, image);
   EXPECT_EQ(test::readBytes(path), std::string(whole.begin(), whole.end()));
 }
 

@@ -25,6 +25,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
+#include "tests/support/mesh_picture.h"
 #include "tests/support/requirement.h"
 #include "tests/support/temporary_folder.h"
 
@@ -33,13 +34,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
+using test::MeshLook;
+
 struct OwnedMesh {
   std::vector<glm::vec3> positions;
   std::vector<glm::vec3> normals;
   std::vector<std::uint32_t> triangles;
   std::vector<std::uint8_t> levels;
 
-  RenderMesh view() const { return {positions, normals, triangles, levels}; }
+  DrawableSurface surface() const { return test::surfaceOf(positions, normals, triangles, levels); }
 };
 
 // Adds a sphere of 2 * rings * slices triangles, those at the poles without area.
@@ -133,12 +136,12 @@ class RenderTest : public ::testing::Test {
   }
   static void TearDownTestSuite() { renderer_.reset(); }
 
-  static Image render(const OwnedMesh& mesh, const RenderOptions& options) {
-    return renderer_->render(mesh.view(), options);
+  static Image render(const OwnedMesh& mesh, const MeshLook& options) {
+    return test::pictureOf(*renderer_, mesh.surface(), options);
   }
 
-  static RenderOptions smallPicture() {
-    RenderOptions options;
+  static MeshLook smallPicture() {
+    MeshLook options;
     options.width = 320;
     options.height = 240;
     return options;
@@ -152,15 +155,16 @@ std::unique_ptr<OffscreenRenderer> RenderTest::renderer_;
 // Enough triangles for several of the pieces in which a mesh is sent.
 TEST_F(RenderTest, SphereCoversItsProjection) {
   const OwnedMesh sphere = unitSphere(500, 600);
-  RenderOptions options;
+  MeshLook options;
   options.width = 1000;
   options.height = 800;
-  options.vertical_fov = 40.0;
-  options.look_at = LookAtCamera{{1.0, -4.0, 1.5}, {0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}};
+  options.view.camera = lookingAt({1.0, -4.0, 1.5}, {0.0, 0.0, 0.0});
+  options.view.camera.vertical_fov = 40.0;
+  options.is_placed = true;
   const Image image = render(sphere, options);
   const Silhouette silhouette = silhouetteOf(image, render(OwnedMesh{}, options));
 
-  const double distance = glm::length(options.look_at->eye);
+  const double distance = options.view.camera.distance;
   const double focal = 400.0 / std::tan(20.0 * std::numbers::pi / 180.0);  // pixels
   const double radius = focal * std::tan(std::asin(1.0 / distance));
   const double area = std::numbers::pi * radius * radius;
@@ -180,11 +184,11 @@ TEST_F(RenderTest, TheWholeMeshIsInThePictureFromEverywhere) {
   for (const auto& [width, height] : {std::pair{300, 200}, std::pair{160, 240}}) {
     for (const double elevation : {-90.0, 15.0, 90.0}) {
       for (const double azimuth : {0.0, 25.0, 200.0}) {
-        RenderOptions options;
+        MeshLook options;
         options.width = width;
         options.height = height;
-        options.orbit.azimuth = azimuth;
-        options.orbit.elevation = elevation;
+        options.view.camera.azimuth = azimuth;
+        options.view.camera.elevation = elevation;
         const Silhouette seen = silhouetteOf(render(mesh, options), render({}, options));
         const double filled = std::max((seen.right - seen.left + 1.0) / width,
                                        (seen.bottom - seen.top + 1.0) / height);
@@ -199,12 +203,12 @@ TEST_F(RenderTest, TheWholeMeshIsInThePictureFromEverywhere) {
 
 TEST_F(RenderTest, AGivenBoxIsFramedInsteadOfTheMesh) {
   const OwnedMesh sphere = unitSphere();
-  RenderOptions options = smallPicture();
+  MeshLook options = smallPicture();
   const auto seen = [&] { return silhouetteOf(render(sphere, options), render({}, options)); };
   const std::int64_t framed_mesh = seen().pixels;
-  options.orbit.box = RenderBox{glm::vec3(-4.0f), glm::vec3(4.0f)};
+  options.frame = WorldBox{glm::dvec3(-4.0), glm::dvec3(4.0)};
   const std::int64_t framed_large = seen().pixels;
-  options.orbit.box = RenderBox{glm::vec3(-0.1f), glm::vec3(0.1f)};  // a close-up, cut off
+  options.frame = WorldBox{glm::dvec3(-0.1), glm::dvec3(0.1)};  // a close-up, cut off
   EXPECT_GT(framed_large, 0);
   EXPECT_LT(framed_large, framed_mesh / 8);
   EXPECT_EQ(seen().pixels, 320 * 240);
@@ -219,11 +223,11 @@ TEST_F(RenderTest, DirectionsAreThoseOfAPortrait) {
   addSphere(mesh, {0.0f, 0.0f, 4.0f}, 1.0f, 3, 24, 48);
   addSphere(mesh, {0.0f, -4.0f, 0.0f}, 1.0f, 4, 24, 48);
   addSphere(mesh, {0.0f, 4.0f, 0.0f}, 1.0f, 2, 24, 48);
-  RenderOptions options;
+  MeshLook options;
   options.width = options.height = 300;
-  options.color_by_level = true;
-  options.orbit.azimuth = options.orbit.elevation = 0.0;
-  options.orbit.box = RenderBox{glm::vec3(-6.0f), glm::vec3(6.0f)};
+  options.view.coloring = ViewColoring::kLevel;
+  options.view.camera.azimuth = options.view.camera.elevation = 0.0;
+  options.frame = WorldBox{glm::dvec3(-6.0), glm::dvec3(6.0)};
   // The spheres at x, y or z = 4 lie about this many pixels off the middle.
   const int off = 78;
   {
@@ -234,7 +238,7 @@ TEST_F(RenderTest, DirectionsAreThoseOfAPortrait) {
     EXPECT_EQ(hueOf(pixelOf(front, 150, 150)), 'g');  // teal
   }
   {
-    options.orbit.azimuth = 180.0;
+    options.view.camera.azimuth = 180.0;
     const Image back = render(mesh, options);
     EXPECT_EQ(hueOf(pixelOf(back, 150 - off, 150)), 'r');
     EXPECT_EQ(hueOf(pixelOf(back, 150 + off, 150)), 'b');
@@ -242,13 +246,13 @@ TEST_F(RenderTest, DirectionsAreThoseOfAPortrait) {
     EXPECT_EQ(hueOf(pixelOf(back, 150, 150)), 'r');  // yellow
   }
   {
-    options.orbit.azimuth = 90.0;
+    options.view.camera.azimuth = 90.0;
     const Image from_left = render(mesh, options);
     EXPECT_EQ(hueOf(pixelOf(from_left, 150, 150)), 'r');
   }
   {
-    options.orbit.azimuth = 0.0;
-    options.orbit.elevation = 90.0;
+    options.view.camera.azimuth = 0.0;
+    options.view.camera.elevation = 90.0;
     const Image from_above = render(mesh, options);
     EXPECT_EQ(hueOf(pixelOf(from_above, 150, 150)), 'g');
     EXPECT_EQ(hueOf(pixelOf(from_above, 150 + off, 150)), 'r');
@@ -258,7 +262,7 @@ TEST_F(RenderTest, DirectionsAreThoseOfAPortrait) {
 
 TEST_F(RenderTest, InsideOutLooksDarkAndWarm) {
   OwnedMesh sphere = unitSphere();
-  const RenderOptions options = smallPicture();
+  const MeshLook options = smallPicture();
   const glm::vec3 outside = pixelOf(render(sphere, options), 160, 120);
   for (std::size_t i = 0; i < sphere.triangles.size(); i += 3) {
     std::swap(sphere.triangles[i], sphere.triangles[i + 1]);
@@ -275,23 +279,24 @@ TEST_F(RenderTest, InsideOutLooksDarkAndWarm) {
 
 TEST_F(RenderTest, NormalsCanBeLeftToTheFacets) {
   const OwnedMesh sphere = unitSphere();
-  const RenderOptions options = smallPicture();
+  const MeshLook options = smallPicture();
   const Image smooth = render(sphere, options);
-  const Image facets = renderer_->render({sphere.positions, {}, sphere.triangles, {}}, options);
+  const Image facets = test::pictureOf(
+      *renderer_, test::surfaceOf(sphere.positions, {}, sphere.triangles, {}), options);
   EXPECT_LT(glm::distance(pixelOf(smooth, 160, 120), pixelOf(facets, 160, 120)), 0.02f);
 }
 
 TEST_F(RenderTest, EachTriangleHasTheColorOfItsLevel) {
   OwnedMesh sphere = unitSphere();
-  RenderOptions options = smallPicture();
-  options.orbit.azimuth = options.orbit.elevation = 0.0;
+  MeshLook options = smallPicture();
+  options.view.camera.azimuth = options.view.camera.elevation = 0.0;
   const Image plain = render(sphere, options);
   // One level for the upper half, another for the lower: rings run from the top.
   for (std::size_t i = 0; i < sphere.levels.size(); ++i) {
     sphere.levels[i] = i < sphere.levels.size() / 2 ? 0 : 5;
   }
   EXPECT_EQ(render(sphere, options).rgb, plain.rgb);
-  options.color_by_level = true;
+  options.view.coloring = ViewColoring::kLevel;
   const Image levels = render(sphere, options);
   EXPECT_EQ(hueOf(pixelOf(levels, 160, 80)), 'r');
   EXPECT_EQ(hueOf(pixelOf(levels, 160, 160)), 'b');
@@ -305,9 +310,9 @@ TEST_F(RenderTest, EachTriangleHasTheColorOfItsLevel) {
 
 TEST_F(RenderTest, WireframeDarkensEdgesAndLeavesTheRest) {
   const OwnedMesh sphere = unitSphere(12, 24);
-  RenderOptions options = smallPicture();
+  MeshLook options = smallPicture();
   const Image plain = render(sphere, options);
-  options.wireframe = true;
+  options.view.wireframe = true;
   const Image wires = render(sphere, options);
   int darker = 0, equal = 0, brighter = 0;
   for (int y = 60; y < 180; ++y) {
@@ -324,47 +329,52 @@ TEST_F(RenderTest, WireframeDarkensEdgesAndLeavesTheRest) {
   // Triangles smaller than the lines must not turn the surface black.
   const OwnedMesh fine = unitSphere(500, 1000);
   const Image fine_wires = render(fine, options);
-  options.wireframe = false;
+  options.view.wireframe = false;
   EXPECT_GT(meanLuminance(fine_wires), 0.8 * meanLuminance(render(fine, options)));
 }
 
 TEST_F(RenderTest, FocusSphereIsACircleOfItsProjectedSize) {
-  RenderOptions options;
+  MeshLook options;
   options.width = options.height = 400;
-  options.look_at = LookAtCamera{{0.0, -5.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}};
+  options.view.camera = lookingAt({0.0, -5.0, 0.0}, {0.0, 0.0, 0.0});
+  options.is_placed = true;
   const OwnedMesh sphere = unitSphere();
   const Image without = render(sphere, options);
-  options.focus_sphere = SphereOutline{{0.0, 0.0, 0.0}, 0.5};
+  options.view.focus.show_sphere = true;
+  options.view.focus.radius = 0.5;
   const Silhouette circle = silhouetteOf(render(sphere, options), without);
   const double focal = 200.0 / std::tan(15.0 * std::numbers::pi / 180.0);
   const double diameter = 2.0 * focal * std::tan(std::asin(0.5 / 5.0));
   EXPECT_NEAR(circle.right - circle.left + 1, diameter, 8.0);  // and the width of the line
   EXPECT_NEAR(circle.bottom - circle.top + 1, diameter, 8.0);
   EXPECT_LT(circle.pixels, 8.0 * std::numbers::pi * diameter);  // thin
-  options.focus_sphere->radius = 6.0;                           // the eye is inside: no outline
+  options.view.focus.radius = 6.0;                              // the eye is inside: no outline
   EXPECT_EQ(render(sphere, options).rgb, without.rgb);
 }
 
 TEST_F(RenderTest, TheSameCallGivesTheSamePicture) {
   const OwnedMesh sphere = unitSphere(500, 600);
-  RenderOptions options = smallPicture();
-  options.wireframe = true;
+  MeshLook options = smallPicture();
+  options.view.wireframe = true;
   const Image first = render(sphere, options);
   options.width = 100;
   render(sphere, options);  // another size in between
   options.width = 320;
   EXPECT_EQ(render(sphere, options).rgb, first.rgb);
   OffscreenRenderer other;
-  EXPECT_EQ(other.render(sphere.view(), options).rgb, first.rgb);
+  EXPECT_EQ(test::pictureOf(other, sphere.surface(), options).rgb, first.rgb);
 }
 
 TEST_F(RenderTest, RenderersWorkSideBySideAndChangeThreads) {
   const OwnedMesh sphere = unitSphere();
-  const RenderOptions options = smallPicture();
+  const MeshLook options = smallPicture();
   const Image expected = render(sphere, options);
   std::vector<Image> images(2);
   std::thread borrows([&] { images[0] = render(sphere, options); });
-  std::thread owns([&] { images[1] = OffscreenRenderer().render(sphere.view(), options); });
+  std::thread owns([&] {
+    OffscreenRenderer other;
+    images[1] = test::pictureOf(other, sphere.surface(), options);
+  });
   borrows.join();
   owns.join();
   EXPECT_EQ(images[0].rgb, expected.rgb);
@@ -373,7 +383,7 @@ TEST_F(RenderTest, RenderersWorkSideBySideAndChangeThreads) {
 }
 
 TEST_F(RenderTest, DegenerateMeshesAreDrawnAsFarAsTheyGo) {
-  const RenderOptions options = smallPicture();
+  const MeshLook options = smallPicture();
   OwnedMesh mesh;
   EXPECT_EQ(render(mesh, options).rgb.size(), std::size_t{320 * 240 * 3});
   mesh.positions.assign(3, glm::vec3(5.0f));
@@ -387,18 +397,15 @@ TEST_F(RenderTest, DegenerateMeshesAreDrawnAsFarAsTheyGo) {
 TEST_F(RenderTest, ImpossibleViewsAreRefused) {
   const OwnedMesh sphere = unitSphere(8, 16);
   const auto refuses = [&](const auto& change) {
-    RenderOptions options = smallPicture();
+    MeshLook options = smallPicture();
     change(options);
     EXPECT_THROW(render(sphere, options), Error);
   };
-  refuses([](RenderOptions& o) { o.width = 0; });
-  refuses([](RenderOptions& o) { o.height = -5; });
-  refuses([](RenderOptions& o) { o.width = renderer_->greatestSize() + 1; });
-  refuses([](RenderOptions& o) { o.vertical_fov = 0.0; });
-  refuses([](RenderOptions& o) { o.vertical_fov = std::nan(""); });
-  refuses([](RenderOptions& o) { o.orbit.up = glm::dvec3(0.0); });
-  refuses([](RenderOptions& o) { o.look_at = LookAtCamera{glm::dvec3(1.0), glm::dvec3(1.0)}; });
-  refuses([](RenderOptions& o) { o.look_at = LookAtCamera{{0.0, 0.1, 5.0}, {0.0, 0.1, -0.3}}; });
+  refuses([](MeshLook& o) { o.width = 0; });
+  refuses([](MeshLook& o) { o.height = -5; });
+  refuses([](MeshLook& o) { o.width = kMostPictureSide + 1; });
+  refuses([](MeshLook& o) { o.view.camera.vertical_fov = 0.0; });
+  refuses([](MeshLook& o) { o.view.camera.vertical_fov = std::nan(""); });
   EXPECT_NO_THROW(render(sphere, smallPicture()));
 }
 
@@ -478,7 +485,7 @@ TEST_F(ImageFileTest, BothFormatsHoldTheSizeOfAPrint) {
   ASSERT_TRUE(Imf::hasXDensity(file.header()));
   EXPECT_EQ(Imf::xDensity(file.header()), 300.0f);
   // Other programs read the picture as before, and the size by libpng.
-  const std::vector<char> encoded = encodePng(image);
+  const std::vector<char> encoded = encodeImage(ImageFormat::kPng, image);
   std::FILE* const bytes = fmemopen(const_cast<char*>(encoded.data()), encoded.size(), "rb");
   png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
   png_infop info = png_create_info_struct(png);

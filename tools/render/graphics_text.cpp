@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "isobrick/viewer/graphics_report.h"
+#include "isobrick/viewer/render/gl_device.h"
 #include "tools/json_output.h"
 #include "tools/text_table.h"
 

@@ -1,13 +1,144 @@
 #include "tools/render/picture_output.h"
 
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <optional>
+#include <sstream>
 #include <utility>
 
+#include "isobrick/preprocess/export/atomic_folder.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
+#include "isobrick/storage/lowercase.h"
 #include "isobrick/viewer/image.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
+#include "tools/program_run.h"
 
 namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+class NumberedPictures : public PictureSequence {
+ public:
+  NumberedPictures(ImageFormat format, const NumberedFiles& files)
+      : format_(format), name_(files.name), folder_(files.folder) {}
+  ImageFormat format() const override { return format_; }
+  void add(const std::vector<char>& picture) override {
+    folder_.writeFile(name_.of(++count_), picture.data(), picture.size());
+  }
+  void finish() override { folder_.commit(&interruptFlag()); }
+
+ private:
+  ImageFormat format_;
+  NumberedName name_;
+  AtomicFolder folder_;
+  std::int64_t count_ = 0;
+};
+
+std::optional<std::string> findInPath(const std::string& program) {
+  const char* const path = std::getenv("PATH");
+  std::istringstream folders(path != nullptr ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const fs::path file = fs::path(folder.empty() ? "." : folder) / program;
+    if (access(file.c_str(), X_OK) == 0 && isRegularFile(file)) return file.string();
+  }
+  return std::nullopt;
+}
+
+std::string requiredFfmpeg(const std::string& movie) {
+  if (const auto found = findInPath("ffmpeg")) return *found;
+  throw Error("cannot write '" + movie +
+              "': ffmpeg, which makes movies, is not installed; install it, or write pictures "
+              "with -o folder/%04d.png");
+}
+
+// ffmpeg reads the pictures one after the other from one file.
+class Movie : public PictureSequence {
+ public:
+  Movie(const std::string& path, double pictures_per_second)
+      : ffmpeg_(requiredFfmpeg(path)),
+        pictures_per_second_(pictures_per_second),
+        movie_(path),
+        pictures_(path + ".pictures") {}
+  ImageFormat format() const override { return ImageFormat::kPng; }
+  void add(const std::vector<char>& picture) override {
+    pictures_.write(picture.data(), picture.size());
+  }
+  void finish() override {
+    // Players want even sizes, colours of half the resolution, and the index in front.
+    runProgram({{ffmpeg_,
+                 "-hide_banner",
+                 "-loglevel",
+                 "error",
+                 "-nostdin",
+                 "-y",
+                 "-f",
+                 "image2pipe",
+                 "-c:v",
+                 "png",
+                 "-framerate",
+                 fmt::format("{}", pictures_per_second_),
+                 "-i",
+                 "file:" + pictures_.temporaryPath(),
+                 "-vf",
+                 "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+                 "-c:v",
+                 "libx264",
+                 "-crf",
+                 "18",
+                 "-pix_fmt",
+                 "yuv420p",
+                 "-movflags",
+                 "+faststart",
+                 "-f",
+                 "mp4",
+                 "file:" + movie_.temporaryPath()},
+                {}},
+               &interruptFlag());
+    movie_.commit(&interruptFlag());
+  }
+
+ private:
+  std::string ffmpeg_;
+  double pictures_per_second_;
+  AtomicFile movie_, pictures_;
+};
+
+}  // namespace
+
+bool isMovieName(const std::string& output) { return lowerExtension(output) == ".mp4"; }
+
+bool isSequenceName(const std::string& output) {
+  return isMovieName(output) || fs::path(output).filename().string().find('%') != std::string::npos;
+}
+
+std::unique_ptr<PictureSequence> makePictureSequence(const std::string& output,
+                                                     double pictures_per_second,
+                                                     const std::vector<std::string>& inputs,
+                                                     bool force) {
+  if (isMovieName(output)) {
+    refuseReplacing({output}, inputs, force);
+    return std::make_unique<Movie>(output, pictures_per_second);
+  }
+  const std::optional<NumberedFiles> files = parseNumberedFiles(output);
+  if (!files)
+    throw Error("cannot write pictures to '" + output +
+                "': they go into a folder of their own, and their name has one place for the "
+                "number; write -o folder/%04d.png, or a movie with -o NAME.mp4");
+  refuseReplacingFolder({files->folder}, inputs, force, [&](const std::string& folder) {
+    return holdsNothingBut(folder, [&](const FolderMember& entry) {
+      return entry.isRegularFile() && files->name.matches(entry.name());
+    });
+  });
+  return std::make_unique<NumberedPictures>(imageFormatOf(output), *files);
+}
 
 PictureOutput::PictureOutput(PicturePlan plan)
     : plan_(std::move(plan)),

@@ -1,6 +1,9 @@
 #include "tools/render/picture_surface.h"
 
 #include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/trigonometric.hpp>
 #include <mutex>
 #include <utility>
 
@@ -13,11 +16,10 @@
 #include "tools/progress_bar.h"
 
 namespace isobrick {
-
 namespace {
 
 void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressBar& bar,
-                           ChunkSink& sink, PictureSurface& result) {
+                           ChunkSink& sink, DrawableSurface& result) {
   Extractor extractor(pyramid);
   ComponentFinder finder(query);
   MeasuredSink found(finder, bar);
@@ -34,19 +36,23 @@ void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressB
 
 }  // namespace
 
-PictureSurface extractPictureSurface(QueryOptions options, bool by_component) {
+DrawableSurface extractPictureSurface(QueryOptions options, ViewState& view) {
   const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
                                     fileAccess(options.no_map), remoteOptions(options.input));
   const Pyramid& pyramid = *file;
   chooseIsovalues(options, pyramid);
   const Query query = makeQuery(options, pyramid);
-  const GridGeometry& geometry = pyramid.spec().geometry;
-  PictureSurface result;
-  result.lattice = latticeOf(geometry);
-  result.isovalue = query.isovalue;
-  result.unit = geometry.unit;
+  DrawableSurface result;
+  result.volume.voxels = pyramid.spec().voxels;
+  result.volume.geometry = pyramid.spec().geometry;
+  view.surfaces[0].isovalue = query.isovalue;
+  if (query.focus) {
+    view.focus.center = query.focus->center;
+    view.focus.radius = query.focus->radius;
+  }
   ProgressBar bar(0, "million triangles");
   std::mutex mutex;
+  const bool by_component = view.coloring == ViewColoring::kComponent;
   ChunkSink sink({}, {nullptr, by_component}, [&](std::size_t place, SurfaceChunk&& chunk) {
     const std::lock_guard lock(mutex);
     if (result.chunks.size() <= place) result.chunks.resize(place + 1);
@@ -59,9 +65,29 @@ PictureSurface extractPictureSurface(QueryOptions options, bool by_component) {
     result.triangles = extractIsosurface(pyramid, query, measured).triangles;
   }
   warnOfEmptySurface(options, pyramid);
-  if (query.focus)
-    result.focus = {geometry.indexToWorld(query.focus->center),
-                    query.focus->radius * geometry.leastSpacing()};
+  return result;
+}
+
+ViewCamera cameraOf(const DrawableSurface& surface, const ViewCamera& camera, double aspect,
+                    bool turns) {
+  CameraFit fit(camera, aspect);
+  WorldBox box = emptyWorldBox();
+  surface.forEachVertex([&](const glm::dvec3& point) {
+    fit.include(point);
+    box.include(point);
+  });
+  if (!turns || box.empty()) return fit.fitted();
+  // A sphere around the middle of the surface is just in the picture.
+  constexpr double kMargin = 1.06;
+  ViewCamera result = camera;
+  result.elevation = std::clamp(camera.elevation, -90.0, 90.0);
+  result.pivot = box.center();
+  double radius = 0.0;
+  surface.forEachVertex([&](const glm::dvec3& point) {
+    radius = std::max(radius, glm::distance(point, result.pivot));
+  });
+  const double half = std::tan(0.5 * glm::radians(camera.vertical_fov)) * std::min(1.0, aspect);
+  if (radius > 0.0) result.distance = kMargin * radius / std::sin(std::atan(half));
   return result;
 }
 

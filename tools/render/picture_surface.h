@@ -1,30 +1,18 @@
 // An extracted surface in the form in which pictures are drawn.
 #pragma once
 
-#include <cstdint>
-#include <glm/vec3.hpp>
-#include <optional>
-#include <vector>
-
 #include "isobrick/viewer/offscreen_renderer.h"
-#include "isobrick/viewer/session/view_legend.h"
-#include "isobrick/viewer/stream/surface_chunk.h"
 #include "tools/query_options.h"
 
 namespace isobrick {
 
-struct PictureSurface {
-  std::vector<SurfaceChunk> chunks;  // in the order of the extraction
-  SceneLattice lattice;
-  std::uint64_t triangles = 0;
-  double isovalue = 0.0;
-  LengthUnit unit = LengthUnit::kUnknown;  // of the world
-  ColoredPieces pieces;                    // if it is coloured by them
-  // Inside of it everything is of the finest level.
-  std::optional<SphereOutline> focus;
-};
+// `view` gets the isovalue and the sphere of interest. If it colours by components, vertices have
+// the colours of their pieces, for which the surface is extracted twice.
+DrawableSurface extractPictureSurface(QueryOptions options, ViewState& view);
 
-// `by_component`: vertices have the colours of their pieces, for which it is extracted twice.
-PictureSurface extractPictureSurface(QueryOptions options, bool by_component);
+// From the direction of `camera`, as near as all of the surface is in the picture; if the camera
+// `turns`, as far away as all of it needs from any side, so that it turns in its place.
+ViewCamera cameraOf(const DrawableSurface& surface, const ViewCamera& camera, double aspect,
+                    bool turns);
 
 }  // namespace isobrick

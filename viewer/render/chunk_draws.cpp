@@ -5,7 +5,7 @@
 #include <tuple>
 #include <utility>
 
-#include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/color_map.h"
 
 namespace isobrick {
 namespace {

@@ -6,16 +6,14 @@
 #include <vector>
 
 #include "isobrick/viewer/render/gl_chunks.h"
-#include "isobrick/viewer/render/gl_depth_reads.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/gl_slices.h"
 #include "isobrick/viewer/render/gl_targets.h"
 #include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/line_pass.h"
-#include "isobrick/viewer/render/occlusion_pass.h"
 #include "isobrick/viewer/render/scene_renderer.h"
-#include "isobrick/viewer/render/shadow_pass.h"
+#include "isobrick/viewer/render/shade_pass.h"
 #include "isobrick/viewer/render/surface_pass.h"
 
 namespace isobrick {
@@ -74,9 +72,7 @@ class GlSceneRenderer : public SceneRenderer {
   const GlDevice& device() const { return device_; }
   const LayerPass& layers() const { return layers_; }
 
-  // Of the frame drawn last.
   const DrawCounts& counts() const { return surfaces_.counts(); }
-  // The buffers of all chunks.
   const GlArenas& arenas() const { return chunks_.arenas(); }
 
  private:

@@ -8,7 +8,7 @@
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/scene_view.h"
-#include "isobrick/viewer/stream/slice_image.h"
+#include "isobrick/viewer/stream/chunk_store.h"
 
 namespace isobrick {
 

@@ -2,15 +2,18 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <deque>
 #include <functional>
 #include <glm/vec2.hpp>
+#include <optional>
 #include <vector>
 
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/pixel_box.h"
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick {
 
@@ -58,6 +61,25 @@ class GlTargets {
   GlRenderbuffer sampled_color_, sampled_depth_;
   GlTexture resolved_color_, resolved_depth_;
   GlFramebuffer sampled_frame_, resolved_frame_;
+};
+
+// DepthReadback's functions have its meaning here.
+class GlDepthReads {
+ public:
+  // Of the frame that was drawn into `targets`, with this projection.
+  std::uint64_t ask(const GlTargets& targets, const glm::dvec2& pixel,
+                    const DepthProjection& projection);
+  std::optional<DistanceAnswer> take();
+
+ private:
+  struct Read {
+    std::uint64_t question = 0;
+    DepthProjection projection;
+    GlBuffer depth;  // none: the pixel is outside
+    GlFence fence;
+  };
+  std::deque<Read> reads_;
+  std::uint64_t last_ = 0;
 };
 
 }  // namespace isobrick

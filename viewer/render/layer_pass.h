@@ -36,7 +36,6 @@ class LayerPass {
   void use(const GlProgram& program) const;
   // Within draw(): the pixels come in more than one band.
   bool isInBands() const { return in_bands_; }
-  // Gives the memory back.
   void release();
 
   // Of the last draw(): how many bands it took. 0: it had nothing to do.

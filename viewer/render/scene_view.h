@@ -16,10 +16,9 @@
 #include <span>
 #include <vector>
 
-#include "isobrick/viewer/pixel_box.h"
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/gl_handle.h"
-#include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {

@@ -10,7 +10,7 @@
 #include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/scene_shaders.h"
 #include "isobrick/viewer/render/scene_view.h"
-#include "isobrick/viewer/render/shadow_pass.h"
+#include "isobrick/viewer/render/shade_pass.h"
 
 namespace isobrick {
 
@@ -29,7 +29,6 @@ class SurfacePass {
   void drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
                   const BufferBox& band);
 
-  // Of the frame since begin().
   const DrawCounts& counts() const { return draws_.counts(); }
 
  private:

@@ -1,4 +1,5 @@
-// The scene as a renderer drew it last.
+// The scene as a renderer drew it last: whether it is still the same, depths under a pixel, its
+// mesh.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +7,9 @@
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <optional>
+#include <vector>
 
+#include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick {
@@ -43,5 +46,12 @@ class DrawnScene {
   std::optional<SceneFrame> frame_;  // none: none was drawn
   std::deque<Asked> asked_;
 };
+
+// Passes the renderer's copies of `chunks` to the sink, chunk by chunk. Positions are the same to
+// the bit on both sides of a brick, so vertices in the same place of one surface become one vertex:
+// a mesh that has a gap on the screen has one in the sink. `frame`: of the pyramid that the chunks
+// are of. Normals have the 16 bits that they are drawn with. Passes on exceptions of the sink.
+void takeShownMesh(const SceneReadback& renderer, const std::vector<ChunkId>& chunks,
+                   const MeshFrame& frame, TriangleSink& sink);
 
 }  // namespace isobrick

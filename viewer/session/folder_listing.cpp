@@ -1,7 +1,9 @@
 #include "isobrick/viewer/session/folder_listing.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
@@ -12,6 +14,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -37,6 +40,19 @@ std::size_t characterBytes(const std::string& text, std::size_t at) {
   if (code < 0xa0 || (code >= 0x202a && code <= 0x202e) || (code >= 0x2066 && code <= 0x2069))
     return 0;
   return bytes;
+}
+
+bool canBeKept(std::string_view path) {
+  constexpr std::size_t kLongest = 4095;  // the system's limit
+  return !path.empty() && path.front() == '/' && path.size() <= kLongest &&
+         std::none_of(path.begin(), path.end(),
+                      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
+// Ignores relative paths, as the base directory specification says.
+fs::path folderNamed(const char* variable) {
+  const char* const value = std::getenv(variable);
+  return value != nullptr && *value == '/' ? fs::path(value) : fs::path();
 }
 
 }  // namespace
@@ -82,25 +98,6 @@ std::string shownName(const std::string& bytes) {
   }
   return shown;
 }
-
-namespace {
-
-namespace fs = std::filesystem;
-
-bool canBeKept(std::string_view path) {
-  constexpr std::size_t kLongest = 4095;  // the system's limit
-  return !path.empty() && path.front() == '/' && path.size() <= kLongest &&
-         std::none_of(path.begin(), path.end(),
-                      [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
-}
-
-// Ignores relative paths, as the base directory specification says.
-fs::path folderNamed(const char* variable) {
-  const char* const value = std::getenv(variable);
-  return value != nullptr && *value == '/' ? fs::path(value) : fs::path();
-}
-
-}  // namespace
 
 std::vector<std::string> withRecent(std::vector<std::string> recent, const std::string& path) {
   if (!canBeKept(path)) return recent;
@@ -154,6 +151,43 @@ void writeRecentFiles(const std::string& path, const std::vector<std::string>& r
   file.write(text.data(), text.size());
   file.commit();
 } catch (const std::exception&) {  // the volume is open all the same
+}
+
+std::string stemOf(const std::string& source) {
+  namespace fs = std::filesystem;
+  if (isRemotePath(source))
+    return fs::path(source.substr(0, source.find_first_of("?#"))).stem().string();
+  if (source.rfind("phantom:", 0) == 0) {
+    std::string name = source.substr(source.find(':') + 1);
+    std::replace(name.begin(), name.end(), ':', '-');
+    return name;
+  }
+  fs::path path = source;
+  if (!path.has_filename()) path = path.parent_path();
+  if (path.extension() == ".gz") path = path.stem();
+  return path.stem().string();
+}
+
+std::string shortPath(const std::string& path) {
+  const char* const home = std::getenv("HOME");
+  std::string folder = home != nullptr ? home : "";
+  if (folder.size() < 2) return path;
+  folder += '/';
+  if (path.rfind(folder, 0) != 0) return path;
+  std::string shown = "~/";
+  shown += path.substr(folder.size());
+  return shown;
+}
+
+std::string freeName(const std::string& stem, const char* extension,
+                     const std::function<bool(const std::string&)>& isTaken) {
+  for (int number = 1; number < 10000; ++number) {
+    std::array<char, 16> digits{};
+    std::snprintf(digits.data(), digits.size(), "-%04d", number);
+    const std::string name = stem + digits.data() + extension;
+    if (!isPresent(name) && !(isTaken && isTaken(name))) return name;
+  }
+  throw Error("all names from '" + stem + "-0001" + extension + "' on are taken; move some away");
 }
 
 }  // namespace isobrick

@@ -26,7 +26,6 @@ struct MeshOrder {
 // which gives up what is not written, waits for the end of the one under way.
 class MeshQueue {
  public:
-  // An order that ended.
   struct Outcome {
     std::string path;
     std::string error;  // empty: the file is there
@@ -42,7 +41,6 @@ class MeshQueue {
   std::size_t unwritten() const { return waiting_.size() + (under_way_.empty() ? 0 : 1); }
   // The file that is being written; empty: none.
   const std::string& underWay() const { return under_way_; }
-  // True for the file of an order that has not ended.
   bool willWrite(const std::string& path) const;
 
  private:

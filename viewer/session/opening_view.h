@@ -20,7 +20,6 @@ class OpeningView {
   static constexpr double kWaitSeconds = 2.0;
   static constexpr double kDrawingSeconds = 1.0;
 
-  // The surface that is shown now.
   struct Sight {
     std::optional<WorldBox> box;      // around it; none: nothing is shown
     double radius = 0.0;              // of its pass, voxels
@@ -35,7 +34,6 @@ class OpeningView {
 
   // The user's camera and focus of a preview of the same volume stay the user's.
   void follow(const OpeningView& preview);
-  // Frames and decides again.
   void restart() { frames_ = chooses_focus_ = true; }
   // Frames the surface of another view by this camera.
   void frame(const ViewCamera& camera) { framed_ = camera; }

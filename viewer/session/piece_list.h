@@ -12,7 +12,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/state/view_pieces.h"
+#include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/listed_components.h"
 
@@ -45,7 +45,6 @@ class PieceList {
   // Of the user's last list that ended without a result; empty: none did.
   const std::string& error() const { return error_; }
 
-  // The place of the user's piece in the list.
   const std::optional<std::size_t>& selected() const { return selected_; }
   void select(const std::optional<std::size_t>& place) { selected_ = place; }
   // The piece there; null: there is none.
@@ -64,7 +63,6 @@ class PieceList {
   // Why a wanted one is not there and will not come; empty: there is no such one.
   std::string wantedError() const;
 
-  // Takes what has come, and begins what is next.
   void update();
 
  private:

@@ -1,31 +1,85 @@
 #include "isobrick/viewer/session/plane_set.h"
 
 #include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <glm/geometric.hpp>
 #include <utility>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
 namespace {
-
-// To a side, of a sampling for a plane that may be moving: some milliseconds.
-constexpr int kQuickValues = 512;
-
-int valuesOf(const PlaneSampling& sampling) { return sampling.width + sampling.height; }
 
 IndexPlane inSamples(const IndexPlane& plane, double step) {
   return {plane.corner / step, plane.across / step, plane.along / step};
 }
 
+// To a side, of a sampling for a plane that may be moving: some milliseconds.
+constexpr int kQuickValues = 512;
+
+// Of a sampling for a flat view that may be moving: some 10 ms.
+constexpr double kQuickPixels = 250'000.0;
+
+int quickDivisor(int width, int height) {
+  return std::max(
+      1, static_cast<int>(std::ceil(
+             std::sqrt(static_cast<double>(width) * static_cast<double>(height) / kQuickPixels))));
+}
+
+std::uint64_t nextNumber() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
+
 }  // namespace
 
-PlaneSet::PlaneSet(std::shared_ptr<const Pyramid> pyramid, double step)
+// -------------------------------------------------------------------------------- one at a time
+
+SamplingQueue::SamplingQueue(std::shared_ptr<const Pyramid> pyramid, double step)
     : pyramid_(std::move(pyramid)),
       step_(step),
       worker_([this](const Job& job, const CancelFlag& cancel) {
         return samplePlane(*pyramid_, inSamples(job.plane, step_), job.sampling, cancel);
       }) {}
+
+PlaneSampling SamplingQueue::samplingOf(const IndexPlane& plane, int most) const {
+  return isobrick::samplingOf(pyramid_->lattice(), inSamples(plane, step_), most);
+}
+
+int SamplingQueue::levelFor(double voxels) const {
+  const int last = pyramid_->lattice().levels() - 1;
+  int level = 0;
+  while (level < last && std::ldexp(1.0, level + 1) <= voxels / step_) ++level;
+  return level;
+}
+
+std::optional<SamplingQueue::Outcome> SamplingQueue::poll() {
+  auto outcome = worker_.poll();
+  if (outcome) under_way_.reset();
+  return outcome;
+}
+
+std::optional<SamplingQueue::Job> SamplingQueue::begin(const std::vector<Job>& jobs) {
+  if (jobs.empty() || worker_.busy()) return std::nullopt;
+  const auto rank = [&](const Job& job) {
+    const auto turn = turns_.find(job.slot);
+    return std::pair(job.is_finer, turn == turns_.end() ? 0 : turn->second);
+  };
+  const Job& next = *std::ranges::min_element(jobs, {}, rank);
+  turns_[next.slot] = ++last_turn_;
+  under_way_ = next;
+  worker_.request(next);
+  return next;
+}
+
+void SamplingQueue::cancel() {
+  worker_.cancel();
+  under_way_.reset();
+}
+
+// ------------------------------------------------------------------------------ slices and caps
 
 void PlaneSet::update(SliceStore& store, const std::vector<WantedPlane>& wanted,
                       UploadAllowance& allowance) {
@@ -33,8 +87,7 @@ void PlaneSet::update(SliceStore& store, const std::vector<WantedPlane>& wanted,
   for (WantedPlane& plane : wanted_)
     plane.most_values = std::min(plane.most_values, store.greatestSlice());
   dropOthers(store);
-  if (auto outcome = worker_.poll()) {
-    under_way_.reset();
+  if (auto outcome = queue_.poll()) {
     if (outcome->result) {
       begin(store, outcome->request, std::move(*outcome->result));
     } else {
@@ -42,23 +95,9 @@ void PlaneSet::update(SliceStore& store, const std::vector<WantedPlane>& wanted,
       error_ = outcome->error;
     }
   }
-  // A fine sampling that is of no use any longer takes too long to wait for.
-  if (under_way_ && !isOfUse(*under_way_) &&
-      std::max(under_way_->sampling.width, under_way_->sampling.height) > kQuickValues) {
-    worker_.cancel();
-    under_way_.reset();
-  }
+  queue_.drop([&](const Job& job) { return isOfUse(job); });
   if (uploading_) uploadRows(store, allowance);
-  if (uploading_ || worker_.busy()) return;
-  if (auto job = nextJob()) {
-    turns_[job->slot] = ++last_turn_;
-    under_way_ = job;
-    worker_.request(std::move(*job));
-  }
-}
-
-PlaneSampling PlaneSet::samplingFor(const IndexPlane& plane, int most) const {
-  return samplingOf(pyramid_->lattice(), inSamples(plane, step_), most);
+  if (!uploading_) queue_.begin(jobs());
 }
 
 const WantedPlane* PlaneSet::wantedOf(int slot) const {
@@ -70,29 +109,23 @@ const WantedPlane* PlaneSet::wantedOf(int slot) const {
 // A slice shows where it is, so one on the way is of use; a fine one takes too long for that.
 bool PlaneSet::isOfUse(const Job& job) const {
   const WantedPlane* const wanted = wantedOf(job.slot);
-  const bool is_quick = std::max(job.sampling.width, job.sampling.height) <= kQuickValues;
-  return wanted != nullptr && (wanted->plane == job.plane || (wanted->cap_of < 0 && is_quick));
+  return wanted != nullptr && (wanted->plane == job.plane || (wanted->cap_of < 0 && !job.is_slow));
 }
 
-// The quick ones first, and of these the one that waited longest.
-std::optional<PlaneSet::Job> PlaneSet::nextJob() const {
-  std::optional<Job> next;
-  std::pair<bool, std::uint64_t> next_rank;
+std::vector<SamplingQueue::Job> PlaneSet::jobs() const {
+  std::vector<Job> jobs;
   for (const WantedPlane& wanted : wanted_) {
     const auto failed = failed_.find(wanted.slot);
     if (failed != failed_.end() && failed->second == wanted.plane) continue;
     const auto kept = kept_.find(wanted.slot);
-    const bool is_fine = kept != kept_.end() && kept->second.plane == wanted.plane;
-    const PlaneSampling sampling = samplingFor(
-        wanted.plane, is_fine ? wanted.most_values : std::min(kQuickValues, wanted.most_values));
-    if (is_fine && valuesOf(sampling) <= kept->second.values) continue;
-    const auto turn = turns_.find(wanted.slot);
-    const std::pair rank(is_fine, turn == turns_.end() ? 0 : turn->second);
-    if (next && rank >= next_rank) continue;
-    next = Job{wanted.slot, wanted.plane, sampling};
-    next_rank = rank;
+    const bool is_there = kept != kept_.end() && kept->second.plane == wanted.plane;
+    const int most = is_there ? wanted.most_values : std::min(kQuickValues, wanted.most_values);
+    const PlaneSampling sampling = queue_.samplingOf(wanted.plane, most);
+    if (is_there && sampling.width + sampling.height <= kept->second.values) continue;
+    const bool is_slow = std::max(sampling.width, sampling.height) > kQuickValues;
+    jobs.push_back({wanted.slot, wanted.plane, sampling, is_there, is_slow});
   }
-  return next;
+  return jobs;
 }
 
 void PlaneSet::dropOthers(SliceStore& store) {
@@ -162,8 +195,79 @@ void PlaneSet::release(SliceStore& store) {
   kept_.clear();
   failed_.clear();
   uploading_.reset();
-  under_way_.reset();
-  worker_.cancel();
+  queue_.cancel();
+}
+
+// ------------------------------------------------------------------------------------ flat views
+
+std::optional<double> SliceViews::Shown::valueAt(const glm::dvec2& pixel) const {
+  const int x = static_cast<int>(std::floor(pixel.x / pixels));
+  const int y = static_cast<int>(std::floor(pixel.y / pixels));
+  if (x < 0 || y < 0 || x >= values.width || y >= values.height) return std::nullopt;
+  const float value =
+      values.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(values.width) +
+                    static_cast<std::size_t>(x)];
+  if (std::isnan(value)) return std::nullopt;
+  return values.transform.real(static_cast<double>(value));
+}
+
+void SliceViews::want(int view, const SliceFrame& frame, int width, int height) {
+  wanted_[static_cast<std::size_t>(view)] = Wanted{frame, width, height};
+}
+
+void SliceViews::forget() {
+  wanted_ = {};
+  done_ = {};
+  shown_ = {};
+  queue_.cancel();
+}
+
+std::vector<SamplingQueue::Job> SliceViews::jobs() const {
+  std::vector<SamplingQueue::Job> jobs;
+  for (std::size_t view = 0; view < kSliceViews; ++view) {
+    if (!wanted_[view] || wanted_[view]->width < 1 || wanted_[view]->height < 1) continue;
+    const auto& [frame, width, height] = *wanted_[view];
+    const bool is_there = done_[view] && done_[view]->wanted == *wanted_[view];
+    if (is_there && done_[view]->divisor == 1) continue;
+    const int divisor = is_there ? 1 : quickDivisor(width, height);
+    const double pixels = divisor;
+    PlaneSampling sampling;
+    sampling.width = std::max(2, (width + divisor - 1) / divisor);
+    sampling.height = std::max(2, (height + divisor - 1) / divisor);
+    sampling.level =
+        queue_.levelFor(std::max(glm::length(frame.right), glm::length(frame.down)) * pixels);
+    const IndexPlane plane{frame.indexAt(glm::dvec2(0.5 * pixels)),
+                           frame.right * (pixels * (sampling.width - 1)),
+                           frame.down * (pixels * (sampling.height - 1))};
+    jobs.push_back({static_cast<int>(view), plane, sampling, is_there,
+                    divisor == 1 && quickDivisor(width, height) > 1});
+  }
+  return jobs;
+}
+
+void SliceViews::update() {
+  const auto viewOf = [](const SamplingQueue::Job& job) {
+    return static_cast<std::size_t>(job.slot);
+  };
+  if (auto outcome = queue_.poll()) {
+    const std::size_t view = viewOf(outcome->request);
+    Sampled sampled = asked_[view];
+    error_ = outcome->error;
+    if (outcome->result)
+      shown_[view] = Shown{sampled.wanted.frame, std::move(*outcome->result),
+                           static_cast<double>(sampled.divisor), nextNumber()};
+    else
+      sampled.divisor = 1;  // it is not tried again
+    done_[view] = sampled;
+  }
+  queue_.drop([&](const SamplingQueue::Job& job) {
+    return wanted_[viewOf(job)] == asked_[viewOf(job)].wanted;
+  });
+  const auto begun = queue_.begin(jobs());
+  if (!begun) return;
+  const Wanted& wanted = *wanted_[viewOf(*begun)];
+  asked_[viewOf(*begun)] = {wanted,
+                            begun->is_finer ? 1 : quickDivisor(wanted.width, wanted.height)};
 }
 
 }  // namespace isobrick

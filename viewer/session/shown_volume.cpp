@@ -7,18 +7,6 @@
 
 namespace isobrick {
 
-bool asksForTheSameTriangles(const AskedView& a, const AskedView& b) {
-  // Whether a coarse pass is whole changes nothing that is shown at rest.
-  return asksForTheSame(a.state, b.state) && (!b.state.view_pixels || a.height == b.height);
-}
-
-bool asksForTheSame(const AskedView& a, const AskedView& b) {
-  if (!asksForTheSameTriangles(a, b)) return false;
-  for (std::size_t s = 0; s < b.state.surfaces.size(); ++s)
-    if (b.state.surfaces[s].visible && a.listedOf(s) != b.listedOf(s)) return false;
-  return true;
-}
-
 ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
                          const std::optional<PreviewOf>& preview_of, std::vector<double> isovalues)
     : pyramid_(std::move(pyramid)), preview_of_(preview_of) {
@@ -51,13 +39,13 @@ double ShownVolume::radiusAtRest(const ViewState& state) const {
   return preview_of_ ? volume_.diagonal() : wantedRadius(state, volume_);
 }
 
-double ShownVolume::radiusOfPass(const AskedView& view, double radius) const {
-  if (!isOfOneLevel(view, radius)) return radius;
+double ShownVolume::radiusOfPass(const SurfaceWish& wish, double radius) const {
+  if (!isOfOneLevel(wish, radius)) return radius;
   return std::ldexp(volume_.diagonal(), -levelOf(radius));
 }
 
-bool ShownVolume::isOfOneLevel(const AskedView& view, double radius) const {
-  return view.is_whole && radius < radiusAtRest(view.state);
+bool ShownVolume::isOfOneLevel(const SurfaceWish& wish, double radius) const {
+  return wish.is_whole && radius < wish.radius;
 }
 
 int ShownVolume::levelOf(double radius) const {
@@ -65,9 +53,15 @@ int ShownVolume::levelOf(double radius) const {
   return std::min(static_cast<int>(level), firstLevel() + pyramid_->lattice().levels() - 1);
 }
 
-Query ShownVolume::queryOf(const AskedView& view, std::size_t surface, double radius) const {
-  Query query = isobrick::queryOf(view.state, volume_, surface, radius, view.height);
-  if (isOfOneLevel(view, radius)) {
+SurfaceWish ShownVolume::wishOf(const ViewState& state, double height) const {
+  SurfaceWish wish = isobrick::wishOf(state, volume_, height);
+  wish.radius = radiusAtRest(state);
+  return wish;
+}
+
+Query ShownVolume::queryOf(const SurfaceWish& wish, std::size_t surface, double radius) const {
+  Query query = isobrick::queryOf(wish, volume_, surface, radius);
+  if (isOfOneLevel(wish, radius)) {
     query.focus.reset();
     query.curvature_tolerance.reset();
     query.uniform_level = std::max(0, levelOf(radius) - firstLevel());

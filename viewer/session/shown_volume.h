@@ -15,26 +15,6 @@
 
 namespace isobrick {
 
-class ListedComponents;  // stream/listed_components.h
-
-// The settings that the triangles of a view follow from.
-struct AskedView {
-  ViewState state;
-  double height = 0.0;  // of the picture, pixels
-  // The list that each surface is coloured by; null, or lacking: none.
-  std::vector<std::shared_ptr<const ListedComponents>> listed = {};
-  // The user chose no focus: a surface that is coarser than wanted is of one level everywhere.
-  bool is_whole = false;
-
-  std::shared_ptr<const ListedComponents> listedOf(std::size_t surface) const {
-    return surface < listed.size() ? listed[surface] : nullptr;
-  }
-};
-// True if both give the same triangles, but for their colours.
-bool asksForTheSameTriangles(const AskedView& a, const AskedView& b);
-// True if both give the same chunks.
-bool asksForTheSame(const AskedView& a, const AskedView& b);
-
 // A view counts in voxels of the volume, a pyramid in its own samples, which are fewer in a
 // preview.
 class ShownVolume {
@@ -62,12 +42,14 @@ class ShownVolume {
   // The radius of a pass that is at most as fine as one with `radius`. If surfaces are whole, it is
   // the diagonal over a power of two: over 2^l for one of level l, which has about as many
   // triangles as one with that radius.
-  double radiusOfPass(const AskedView& view, double radius) const;
-  // The query of the view, in samples; `radius` is one of these.
-  Query queryOf(const AskedView& view, std::size_t surface, double radius) const;
+  double radiusOfPass(const SurfaceWish& wish, double radius) const;
+  // As wishOf(), with the radius at rest of what is shown.
+  SurfaceWish wishOf(const ViewState& state, double height) const;
+  // The query of a surface, in samples; `radius` is one of these.
+  Query queryOf(const SurfaceWish& wish, std::size_t surface, double radius) const;
 
  private:
-  bool isOfOneLevel(const AskedView& view, double radius) const;
+  bool isOfOneLevel(const SurfaceWish& wish, double radius) const;
   int levelOf(double radius) const;
 
   const std::shared_ptr<const Pyramid> pyramid_;

@@ -3,10 +3,75 @@
 #include <algorithm>
 #include <utility>
 
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/listed_components.h"
 
 namespace isobrick {
+namespace {
+
+void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>& sums) {
+  for (const LevelCounts& count : counts) {
+    const auto same = std::find_if(
+        sums.begin(), sums.end(), [&](const LevelCounts& sum) { return sum.level == count.level; });
+    LevelCounts& sum = same != sums.end() ? *same : sums.emplace_back();
+    sum.level = count.level;
+    sum.cells += count.cells;
+    sum.triangles += count.triangles;
+    sum.transition_cells += count.transition_cells;
+  }
+  std::sort(sums.begin(), sums.end(),
+            [](const LevelCounts& a, const LevelCounts& b) { return a.level < b.level; });
+}
+
+}  // namespace
+
+void ShownSurfaces::take(const StreamMessage& pass, const SurfaceWish& asked) {
+  std::map<int, Shown> shown;
+  // One that is not known, since there was no memory for it, is asked for again.
+  for (const StreamPass::KeptSurface& kept : pass.kept) {
+    const auto before = surfaces_.find(kept.surface);
+    if (before != surfaces_.end()) shown.insert(*before);
+  }
+  for (const StreamedSurface& made : pass.surfaces)
+    shown[made.surface] = {asked.surfaces[static_cast<std::size_t>(made.surface)], asked.detail,
+                           pass.radius, pass.is_complete, made};
+  StreamMessage copy = pass;
+  surfaces_ = std::move(shown);
+  pass_ = std::move(copy);
+  ++passes_;
+}
+
+bool ShownSurfaces::has(std::size_t surface, const SurfaceWish& wish, double least,
+                        double most) const {
+  const auto found = surfaces_.find(static_cast<int>(surface));
+  if (found == surfaces_.end()) return false;
+  const Shown& shown = found->second;
+  return shown.is_complete && shown.radius >= least && shown.radius <= most &&
+         shown.surface == wish.surfaces[surface] && shown.detail == wish.detail;
+}
+
+std::uint64_t ShownSurfaces::triangles() const {
+  std::uint64_t triangles = 0;
+  for (const auto& [number, surface] : surfaces_) triangles += surface.counts.triangles;
+  return triangles;
+}
+
+std::vector<LevelCounts> ShownSurfaces::levels() const {
+  std::vector<LevelCounts> levels;
+  for (const auto& [number, surface] : surfaces_) addCounts(surface.counts.levels, levels);
+  return levels;
+}
+
+const StreamedSurface* ShownSurfaces::surface(std::size_t number) const {
+  const auto found = surfaces_.find(static_cast<int>(number));
+  return found != surfaces_.end() ? &found->second.counts : nullptr;
+}
+
+std::size_t ShownSurfaces::lostPieces() const {
+  std::size_t lost = 0;
+  for (const auto& [number, surface] : surfaces_) lost += surface.counts.lost_pieces;
+  return lost;
+}
 
 SurfaceRequests::SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram,
                                  ChunkStore& store, ChunkBudget budget, int threads,
@@ -39,10 +104,9 @@ bool SurfaceRequests::showsTheLatest() const {
   return shown_.pass().request == last_request_ && shown_.pass().is_complete;
 }
 
-bool SurfaceRequests::isFine(const AskedView& view) const {
+bool SurfaceRequests::isFine(const SurfaceWish& wish) const {
   return asked_for_all_ && (all_passes_done_ || over_budget_ || !surfaces_->error().empty()) &&
-         requested_ && asksForTheSame(*requested_, view) && !stream_.busy() &&
-         !surfaces_->isReleasing();
+         requested_ == wish && !stream_.busy() && !surfaces_->isReleasing();
 }
 
 double SurfaceRequests::sinceNews() const { return clockSeconds() - last_news_; }
@@ -90,8 +154,7 @@ void SurfaceRequests::takePass(const StreamMessage& pass) {
   last_news_ = clockSeconds();
   all_passes_done_ = pass.request == last_request_ && pass.last_pass;
   // Given up for a smaller one: it becomes finer after a rest.
-  if (all_passes_done_ && pass.radius < volume_.radiusAtRest(requested_->state))
-    asked_for_all_ = false;
+  if (all_passes_done_ && pass.radius < requested_->radius) asked_for_all_ = false;
 }
 
 void SurfaceRequests::shrinkToBudget() {
@@ -105,64 +168,59 @@ void SurfaceRequests::shrinkToBudget() {
 
 // ------------------------------------------------------------------------------- what is asked for
 
-void SurfaceRequests::request(const AskedView& view, double seconds) {
+void SurfaceRequests::request(const SurfaceWish& wish, double seconds) {
   now_ = seconds;
-  const double wanted = volume_.radiusAtRest(view.state);
   const bool first = !requested_;
   if (over_budget_ && surfaces_->hasMoreRoom()) {  // it becomes finer, after a rest
     over_budget_ = asked_for_all_ = false;
     last_change_ = seconds;
   }
-  if (!first && !ask_again_ && changesAtRest(view)) {
-    requestAtRest(view, !asksForTheSameTriangles(*requested_, view));
-  } else if (first || ask_again_ || !asksForTheSame(*requested_, view)) {
+  if (!first && !ask_again_ && changesAtRest(wish)) {
+    requestAtRest(wish, requested_->withoutLists() != wish.withoutLists());
+  } else if (ask_again_ || requested_ != wish) {
     const double age = longestWait().value_or(0.0);
     ask_again_ = true;  // until it was sent
-    requested_ = view;
+    requested_ = wish;
     last_change_ = seconds;
     over_budget_ = false;
     asked_for_all_ = first;
     if (first)
-      requestPasses(pace_.passRadii(wanted), true);
+      requestPasses(pace_.passRadii(wish.radius), true);
     else
-      requestQuickly(pace_.quickRadius(wanted, age, finestTriangles(view)));
+      requestQuickly(pace_.quickRadius(wish.radius, age, finestTriangles(wish)));
   } else if (!asked_for_all_ && seconds - last_change_ >= SurfacePace::kRestSeconds) {
     const double shown = shown_.pass().radius;
     // A surface that is shown is not made again.
-    if (!over_budget_ && !(showsTheLatest() && shown >= wanted))
-      requestPasses(
-          showsTheLatest() ? SurfacePace::finerRadii(shown, wanted) : pace_.passRadii(wanted),
-          shown_.pass().request != last_request_);
+    if (!over_budget_ && !(showsTheLatest() && shown >= wish.radius))
+      requestPasses(showsTheLatest() ? SurfacePace::finerRadii(shown, wish.radius)
+                                     : pace_.passRadii(wish.radius),
+                    shown_.pass().request != last_request_);
     asked_for_all_ = true;
   }
 }
 
 // The view asks for other colours, or for other pieces that are known, and nothing else.
-bool SurfaceRequests::changesAtRest(const AskedView& view) const {
+bool SurfaceRequests::changesAtRest(const SurfaceWish& wish) const {
   const StreamMessage& shown = shown_.pass();
-  const bool is_whole =
-      shown_.passes() > 0 && shown.is_complete && shown.radius >= volume_.radiusAtRest(view.state);
-  if (!asked_for_all_ || !is_whole || asksForTheSame(*requested_, view)) return false;
-  AskedView before = *requested_;
-  bool are_known = true;
-  for (std::size_t s = 0; s < std::min(before.state.surfaces.size(), view.state.surfaces.size());
-       ++s) {
-    const ViewSurface& surface = view.state.surfaces[s];
-    if (before.state.surfaces[s].pieces == surface.pieces) continue;
-    before.state.surfaces[s].pieces = surface.pieces;
-    const std::optional<int> level =
-        onlyLevelOf(volume_.queryOf(view, s, volume_.radiusAtRest(view.state)));
-    are_known = are_known && level && known_->find(surface.isovalue, *level) != nullptr;
+  const bool is_whole = shown_.passes() > 0 && shown.is_complete && shown.radius >= wish.radius;
+  if (!asked_for_all_ || !is_whole || requested_ == wish) return false;
+  SurfaceWish before = requested_->withoutLists();
+  for (std::size_t s = 0; s < std::min(before.surfaces.size(), wish.surfaces.size()); ++s) {
+    const SurfaceWish::Surface& surface = wish.surfaces[s];
+    if (before.surfaces[s].pieces == surface.pieces) continue;
+    before.surfaces[s].pieces = surface.pieces;
+    const std::optional<int> level = onlyLevelOf(volume_.queryOf(wish, s, wish.radius));
+    if (!level || known_->find(surface.isovalue, *level) == nullptr) return false;
   }
-  return are_known && asksForTheSameTriangles(before, view);
+  return before == wish.withoutLists();
 }
 
 // In one pass: none of the surfaces gets coarser for that. `waits`: a user does.
-void SurfaceRequests::requestAtRest(const AskedView& view, bool waits) {
+void SurfaceRequests::requestAtRest(const SurfaceWish& wish, bool waits) {
   ask_again_ = true;  // until it was sent
-  requested_ = view;
+  requested_ = wish;
   StreamRequest request;
-  request.passes.push_back(passOf(volume_.radiusAtRest(view.state)));
+  request.passes.push_back(passOf(wish.radius));
   request.at_once = waits;
   send(std::move(request), waits ? std::optional(now_) : std::nullopt);
 }
@@ -170,7 +228,7 @@ void SurfaceRequests::requestAtRest(const AskedView& view, bool waits) {
 StreamPass SurfaceRequests::passOf(double radius) const {
   StreamPass pass;
   pass.radius = radius = volume_.radiusOfPass(*requested_, radius);
-  const std::vector<ViewSurface>& surfaces = requested_->state.surfaces;
+  const std::vector<SurfaceWish::Surface>& surfaces = requested_->surfaces;
   for (std::size_t s = 0; s < surfaces.size(); ++s) {
     if (!surfaces[s].visible) continue;
     const int number = static_cast<int>(s);
@@ -178,7 +236,7 @@ StreamPass SurfaceRequests::passOf(double radius) const {
       pass.kept.push_back({number, surfaces_->contentOf(number)});
     else
       pass.queries.push_back({number, volume_.queryOf(*requested_, s, radius), surfaces[s].pieces,
-                              requested_->listedOf(s)});
+                              surfaces[s].listed});
   }
   return pass;
 }
@@ -187,7 +245,7 @@ StreamPass SurfaceRequests::passOf(double radius) const {
 // replace it.
 bool SurfaceRequests::isShown(std::size_t surface, double radius) const {
   if (waits_.areThereAny() && kept_.count(static_cast<int>(surface)) == 0) return false;
-  return shown_.has(surface, *requested_, radius, volume_.radiusAtRest(requested_->state));
+  return shown_.has(surface, *requested_, radius, requested_->radius);
 }
 
 void SurfaceRequests::requestQuickly(double radius) {
@@ -205,22 +263,21 @@ void SurfaceRequests::boundFirstPass(StreamRequest& request) const {
 }
 
 // Of all that is shown.
-double SurfaceRequests::finestTriangles(const AskedView& view) const {
+double SurfaceRequests::finestTriangles(const SurfaceWish& wish) const {
   double triangles = 0.0;
-  for (const ViewSurface& surface : view.state.surfaces)
+  for (const SurfaceWish::Surface& surface : wish.surfaces)
     if (surface.visible) triangles += histogram_.trianglesAt(surface.isovalue);
   return triangles;
 }
 
 StreamValues SurfaceRequests::wantedValues() const {
-  const ViewState& state = requested_->state;
-  if (state.coloring == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
+  const SurfaceWish::Detail& detail = requested_->detail;
+  if (detail.values == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
   // Until one of the surfaces is listed, they are as if they were not coloured.
-  for (std::size_t s = 0; s < state.surfaces.size(); ++s)
-    if (requested_->listedOf(s) != nullptr) return {StreamValues::What::kComponent, ""};
+  for (const SurfaceWish::Surface& surface : requested_->surfaces)
+    if (surface.listed != nullptr) return {StreamValues::What::kComponent, ""};
   // Until a pyramid was named there is nothing to colour by.
-  if (state.coloring == ViewColoring::kOther && !state.values.other.empty())
-    return {StreamValues::What::kOther, state.values.other};
+  if (!detail.other.empty()) return {StreamValues::What::kOther, detail.other};
   return {};
 }
 

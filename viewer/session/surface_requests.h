@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -9,16 +10,50 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/viewer/session/shown_surfaces.h"
+#include "isobrick/extract/extractor.h"
 #include "isobrick/viewer/session/shown_volume.h"
 #include "isobrick/viewer/session/surface_pace.h"
-#include "isobrick/viewer/session/surface_wait.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "isobrick/viewer/stream/surface_stream.h"
 #include "isobrick/viewer/stream/value_histogram.h"
 
 namespace isobrick {
+
+// The surfaces that are shown: of which request, and how fine.
+class ShownSurfaces {
+ public:
+  // `pass` is shown from now on; `asked`: by its request.
+  void take(const StreamMessage& pass, const SurfaceWish& asked);
+  void forget() { surfaces_.clear(); }
+
+  // The pass that is shown; before the first one, one of request 0.
+  const StreamMessage& pass() const { return pass_; }
+  std::uint64_t passes() const { return passes_; }
+  // A surface is shown that is what `wish` asks for, all of it as fine as with radius `least`, or
+  // finer, but not finer than with `most`.
+  bool has(std::size_t surface, const SurfaceWish& wish, double least, double most) const;
+
+  std::uint64_t triangles() const;
+  // Of all surfaces together, by the pyramid's levels.
+  std::vector<LevelCounts> levels() const;
+  // Pieces that users chose and that are not there.
+  std::size_t lostPieces() const;
+  // A surface that is shown, by its number; null: it is not.
+  const StreamedSurface* surface(std::size_t number) const;
+
+ private:
+  struct Shown {
+    SurfaceWish::Surface surface;
+    SurfaceWish::Detail detail;
+    double radius = 0.0;
+    bool is_complete = false;
+    StreamedSurface counts;
+  };
+  std::map<int, Shown> surfaces_;  // by number
+  StreamMessage pass_;
+  std::uint64_t passes_ = 0;
+};
 
 // While a view changes, it is answered by one pass that fits the time; at rest by all passes up to
 // the wanted radius. A budget that is reached makes surfaces smaller. Belongs to the store's
@@ -33,7 +68,7 @@ class SurfaceRequests {
   // For each frame, in this order: takes what has come, within `allowance`, and asks for the
   // surfaces of the view.
   void take(double seconds, UploadAllowance& allowance);
-  void request(const AskedView& view, double seconds);
+  void request(const SurfaceWish& wish, double seconds);
 
   // Gives back all that the store keeps, which may end then. Until resume() nothing else is called.
   void suspend();
@@ -41,7 +76,6 @@ class SurfaceRequests {
 
   // Of a picture of the surfaces, with showing it.
   void noteDrawing(double seconds);
-  // As that of ViewSession.
   bool drawsBetterLater() const { return pace_.drawsBetterLater(longestWait()); }
 
   const ShownSurfaces& shown() const { return shown_; }
@@ -53,7 +87,7 @@ class SurfaceRequests {
   // Something was shown, or there is nothing to show.
   bool hasShown() const;
   // The surfaces of the view are shown, as fine as they get.
-  bool isFine(const AskedView& view) const;
+  bool isFine(const SurfaceWish& wish) const;
   bool isFollowingUser() const { return !asked_for_all_; }
   // Those of the latest request, and all of their bricks were there.
   bool showsTheLatest() const;
@@ -76,10 +110,10 @@ class SurfaceRequests {
   std::optional<StreamMessage> nextMessage();
   void takePass(const StreamMessage& pass);
   void shrinkToBudget();
-  double finestTriangles(const AskedView& view) const;
+  double finestTriangles(const SurfaceWish& wish) const;
   StreamValues wantedValues() const;
-  bool changesAtRest(const AskedView& view) const;
-  void requestAtRest(const AskedView& view, bool waits);
+  bool changesAtRest(const SurfaceWish& wish) const;
+  void requestAtRest(const SurfaceWish& wish, bool waits);
   bool isShown(std::size_t surface, double radius) const;
   StreamPass passOf(double radius) const;
   void boundFirstPass(StreamRequest& request) const;
@@ -96,8 +130,8 @@ class SurfaceRequests {
   ShownSurfaces shown_;
 
   double now_ = 0.0;
-  std::optional<AskedView> requested_;        // by the last request
-  std::map<std::uint64_t, AskedView> asked_;  // by request, from the one that is shown on
+  std::optional<SurfaceWish> requested_;        // by the last request
+  std::map<std::uint64_t, SurfaceWish> asked_;  // by request, from the one that is shown on
   std::uint64_t last_request_ = 0;
   std::uint64_t forgotten_request_ = 0;  // the last one whose chunks are of no use
   double share_of_finest_ = 0.0;

@@ -2,28 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
+#include <functional>
 #include <nlohmann/json.hpp>
-#include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/state/interaction.h"
-#include "isobrick/viewer/state/text_file.h"
+#include "isobrick/viewer/state/view_file.h"
 
 namespace isobrick {
 namespace {
 
 using Json = nlohmann::json;
-
-// Steps that write a file.
-constexpr std::pair<std::string_view, ScriptFile::What> kFileSteps[] = {
-    {"frame", ScriptFile::What::kFrame},
-    {"picture", ScriptFile::What::kPicture},
-    {"mesh", ScriptFile::What::kMesh},
-    {"shown_mesh", ScriptFile::What::kShownMesh},
-    {"measurements", ScriptFile::What::kMeasurements},
-    {"state", ScriptFile::What::kState}};
 
 [[noreturn]] void refuse(const std::string& what) { throw Error("the script's " + what); }
 
@@ -230,55 +221,50 @@ class StepReader {
     steps_.emplace_back(wait);
   }
 
+  void open(const Json& value, const std::string& where) {
+    InputEvent opened = event(InputEvent::Kind::kOpen);
+    opened.path = textOf(value, where);
+    if (opened.path.empty()) refuse(where + " is empty");
+    steps_.emplace_back(ScriptEvent{opened});
+  }
+
   void readOne(const std::string& name, const Json& value) {
+    using Kind = InputEvent::Kind;
+    using File = ScriptFile::What;
     const std::string where = where_ + " '" + name + "'";
-    if (name == "move") {
-      move(pairOf(value, where));
-    } else if (name == "press") {
-      button(InputEvent::Kind::kPress, buttonOf(value, where));
-    } else if (name == "release") {
-      button(InputEvent::Kind::kRelease, buttonOf(value, where));
-    } else if (name == "click") {
-      clicks(pairOf(value, where), 1);
-    } else if (name == "double_click") {
-      clicks(pairOf(value, where), 2);
-    } else if (name == "wheel") {
-      wheel(value, where);
-    } else if (name == "key") {
-      key(value);
-    } else if (name == "key_press") {
-      keyEvent(value, InputEvent::Kind::kKeyPress);
-    } else if (name == "key_release") {
-      keyEvent(value, InputEvent::Kind::kKeyRelease);
-    } else if (name == "text") {
-      typeText(value, where);
-    } else if (name == "drag" && value.is_object()) {
-      drag(value);
-    } else if (name == "sweep" && value.is_object()) {
-      sweep(value);
-    } else if (name == "turntable" && value.is_object()) {
-      turntable(value);
-    } else if (name == "set" && value.is_object()) {
-      steps_.emplace_back(ScriptPatch{value.dump()});
-    } else if (name == "open") {
-      InputEvent opened = event(InputEvent::Kind::kOpen);
-      opened.path = textOf(value, where);
-      if (opened.path.empty()) refuse(where + " is empty");
-      steps_.emplace_back(ScriptEvent{opened});
-    } else if (name == "wait") {
-      wait(value, where);
-    } else if (name == "lose_context" && value == true) {
-      steps_.emplace_back(ScriptLoss{});
-    } else if (name == "resize") {
-      steps_.emplace_back(sizeOf(value, where));
-    } else if (const auto* const file =
-                   std::find_if(std::begin(kFileSteps), std::end(kFileSteps),
-                                [&](const auto& named) { return named.first == name; });
-               file != std::end(kFileSteps)) {
-      steps_.emplace_back(ScriptFile{file->second, fileNameOf(value, where)});
-    } else {
-      refuse(where + " is no step that is known here");
-    }
+    const auto file = [&](File what) {
+      return [&, what] { steps_.emplace_back(ScriptFile{what, fileNameOf(value, where)}); };
+    };
+    const bool any = true, object = value.is_object();
+    // The names, the values that they may have, and the steps that these are.
+    const std::tuple<const char*, bool, std::function<void()>> known[] = {
+        {"move", any, [&] { move(pairOf(value, where)); }},
+        {"press", any, [&] { button(Kind::kPress, buttonOf(value, where)); }},
+        {"release", any, [&] { button(Kind::kRelease, buttonOf(value, where)); }},
+        {"click", any, [&] { clicks(pairOf(value, where), 1); }},
+        {"double_click", any, [&] { clicks(pairOf(value, where), 2); }},
+        {"wheel", any, [&] { wheel(value, where); }},
+        {"key", any, [&] { key(value); }},
+        {"key_press", any, [&] { keyEvent(value, Kind::kKeyPress); }},
+        {"key_release", any, [&] { keyEvent(value, Kind::kKeyRelease); }},
+        {"text", any, [&] { typeText(value, where); }},
+        {"drag", object, [&] { drag(value); }},
+        {"sweep", object, [&] { sweep(value); }},
+        {"turntable", object, [&] { turntable(value); }},
+        {"set", object, [&] { steps_.emplace_back(ScriptPatch{value.dump()}); }},
+        {"open", any, [&] { open(value, where); }},
+        {"wait", any, [&] { wait(value, where); }},
+        {"lose_context", value == true, [&] { steps_.emplace_back(ScriptLoss{}); }},
+        {"resize", any, [&] { steps_.emplace_back(sizeOf(value, where)); }},
+        {"frame", any, file(File::kFrame)},
+        {"picture", any, file(File::kPicture)},
+        {"mesh", any, file(File::kMesh)},
+        {"shown_mesh", any, file(File::kShownMesh)},
+        {"measurements", any, file(File::kMeasurements)},
+        {"state", any, file(File::kState)}};
+    for (const auto& [step, fits, read] : known)
+      if (fits && name == step) return read();
+    refuse(where + " is no step that is known here");
   }
 
   const Json& json_;
@@ -323,6 +309,80 @@ ViewScript readViewScript(const std::string& path) {
         "'" + path + "': " + error.what() + "; docs/reference/viewer-scripts.md has the steps",
         {path});
   }
+}
+
+ScriptFrame ScriptPlayer::next(double seconds, const ScriptSight& sight, const ViewState& state) {
+  ScriptFrame frame;
+  if (step_ < script_.steps.size()) {
+    if (!step_begin_) step_begin_ = seconds;
+    if (const auto* wait = std::get_if<ScriptWait>(&script_.steps[step_]))
+      keeps_preview_ = wait->what == ScriptWait::What::kPreview;
+    if (play(script_.steps[step_], seconds - *step_begin_, sight, state, frame)) {
+      ++step_;
+      step_begin_.reset();
+    }
+  }
+  frame.finished = step_ == script_.steps.size();
+  return frame;
+}
+
+bool ScriptPlayer::isDone(const ScriptWait& wait, double elapsed, const ScriptSight& sight) const {
+  switch (wait.what) {
+    case ScriptWait::What::kSeconds:
+      return elapsed >= wait.seconds;
+    case ScriptWait::What::kSettled:
+      return sight.settled;
+    case ScriptWait::What::kPreview:
+      return sight.settled || sight.preview;
+  }
+  return true;
+}
+
+bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSight& sight,
+                        const ViewState& state, ScriptFrame& frame) const {
+  const auto shareOf = [&](double seconds) {
+    return seconds > 0.0 ? std::clamp(elapsed / seconds, 0.0, 1.0) : 1.0;
+  };
+  if (const auto* event = std::get_if<ScriptEvent>(&step)) {
+    frame.events.push_back(event->event);
+  } else if (const auto* motion = std::get_if<ScriptMotion>(&step)) {
+    const double share = shareOf(motion->seconds);
+    InputEvent moved;
+    moved.x = motion->from[0] + share * (motion->to[0] - motion->from[0]);
+    moved.y = motion->from[1] + share * (motion->to[1] - motion->from[1]);
+    frame.events.push_back(moved);
+    return share >= 1.0;
+  } else if (const auto* sweep = std::get_if<ScriptSweep>(&step)) {
+    const double share = shareOf(sweep->seconds);
+    const double value = sweep->from + share * (sweep->to - sweep->from);
+    frame.state = state;
+    if (sweep->what == ScriptSweep::What::kIsovalue) {
+      activeSurface(*frame.state).isovalue = value;
+    } else if (sweep->what == ScriptSweep::What::kRadius) {
+      frame.state->focus.radius = value;
+      frame.state->focus.everywhere = false;
+    } else {
+      frame.state->camera.azimuth = value;
+    }
+    return share >= 1.0;
+  } else if (const auto* patch = std::get_if<ScriptPatch>(&step)) {
+    nlohmann::json json = nlohmann::json::parse(viewStateToJson(state));
+    const nlohmann::json changes = nlohmann::json::parse(patch->json);
+    json.merge_patch(changes);
+    frame.state = viewStateFromJson(json.dump());
+    // The path may be no UTF-8, which JSON does not keep.
+    if (!changes.contains("values") || !changes["values"].contains("other"))
+      frame.state->values.other = state.values.other;
+  } else if (const auto* wait = std::get_if<ScriptWait>(&step)) {
+    return isDone(*wait, elapsed, sight);
+  } else if (const auto* file = std::get_if<ScriptFile>(&step)) {
+    frame.file = *file;
+  } else if (const auto* size = std::get_if<ScriptSize>(&step)) {
+    frame.size = *size;
+  } else if (std::holds_alternative<ScriptLoss>(step)) {
+    frame.lose_context = true;
+  }
+  return true;
 }
 
 }  // namespace isobrick

@@ -62,7 +62,6 @@ ViewScript viewScriptFromJson(const std::string& text);
 // The same for a file; Error names the path.
 ViewScript readViewScript(const std::string& path);
 
-// The task of one frame.
 struct ScriptFrame {
   std::vector<InputEvent> events;
   std::optional<ViewState> state;

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
-#include "isobrick/viewer/session/shown_mesh.h"
+#include "isobrick/viewer/session/drawn_scene.h"
 
 namespace isobrick {
 namespace {
@@ -15,6 +16,8 @@ void adoptOpening(const ViewState& before, const ViewState& after, ViewState& vi
   if (view.camera == before.camera) view.camera = after.camera;
   if (view.focus == before.focus) view.focus = after.focus;
 }
+
+ComponentSeed seedOf(const SurfaceComponent& piece) { return {piece.point, piece.area}; }
 
 }  // namespace
 
@@ -149,7 +152,21 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   updatePieces(seconds);
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   history_.note(state_, is_held, seconds);
-  requests_.request(askedView(), seconds);
+  requests_.request(wish(), seconds);
+}
+
+SurfaceWish ViewSession::wish() const {
+  SurfaceWish wish = shown_.wishOf(state_, interaction_.size.y);
+  for (std::size_t s = 0; s < std::min(colored_by_.size(), wish.surfaces.size()); ++s)
+    if (wish.surfaces[s].visible) wish.surfaces[s].listed = colored_by_[s];
+  // A coarse level alone has no colours of pieces, and takes a list of its own for chosen ones.
+  const bool has_pieces =
+      state_.coloring == ViewColoring::kComponent ||
+      std::ranges::any_of(wish.surfaces, [](const SurfaceWish::Surface& surface) {
+        return surface.pieces != PieceChoice();
+      });
+  wish.is_whole = !has_pieces && (state_.focus.everywhere || !opening_.limit(state_).empty());
+  return wish;
 }
 
 std::optional<WorldBox> ViewSession::shownBox() const {
@@ -252,7 +269,7 @@ bool ViewSession::settled() const {
          !slice_views_.busy() && (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
-bool ViewSession::isFine() const { return requests_.isFine(askedView()) && !planes_.busy(); }
+bool ViewSession::isFine() const { return requests_.isFine(wish()) && !planes_.busy(); }
 
 SessionStatus ViewSession::status() const {
   SessionStatus status = statusOf(requests_, shown_, state_, isFine());
@@ -287,7 +304,8 @@ std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
 
 MeshOrder ViewSession::meshOrder(const std::string& path) const {
   const auto surface = static_cast<std::size_t>(state_.active_surface);
-  Query query = shown_.queryOf({state_, interaction_.size.y}, surface, shown_.radiusAtRest(state_));
+  const SurfaceWish wish = shown_.wishOf(state_, interaction_.size.y);
+  Query query = shown_.queryOf(wish, surface, wish.radius);
   // A query counts in samples, of which a preview has fewer.
   if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance / shown_.step()};
   return {shown_.pyramid(), query, path, state_.surfaces[surface].pieces};
@@ -297,6 +315,129 @@ void ViewSession::writeShownMesh(const std::string& path) const {
   const auto sink = makeMeshFileSink(path, {});
   takeShownMesh(*renderer_, requests_.chunks(),
                 {pyramid().spec().geometry, pyramid().spec().voxels}, *sink);
+}
+
+void ViewSession::listPieces(const std::optional<glm::dvec3>& point) {
+  hides_no_more_ = false;
+  pieces_.request(activeSurface(state_).isovalue, point);
+}
+
+bool ViewSession::piecesAreCurrent() const {
+  return pieces_.listed() && pieces_.listed()->isovalue() == activeSurface(state_).isovalue;
+}
+
+void ViewSession::keepSelectedPiece() {
+  if (const SurfaceComponent* const piece = pieces_.selectedPiece())
+    keepOnly(seedOf(*piece), activeSurface(state_).pieces);
+}
+
+void ViewSession::hideSelectedPiece() {
+  const SurfaceComponent* const piece = pieces_.selectedPiece();
+  if (piece == nullptr) return;
+  hides_no_more_ = !hide(seedOf(*piece), activeSurface(state_).pieces);
+  if (!hides_no_more_) pieces_.select(std::nullopt);
+}
+
+void ViewSession::measureSelectedPiece() {
+  const SurfaceComponent* const piece = pieces_.selectedPiece();
+  if (piece == nullptr || state_.piece_measures.size() >= kMostPieceMeasures) return;
+  const ListedComponents& listed = *pieces_.listed();
+  state_.piece_measures.push_back(
+      measureOf(*piece, listed.isovalue(), listed.level() + shown_.firstLevel()));
+}
+
+// Asks for the lists that the surfaces are coloured by, and takes those that are there.
+void ViewSession::updatePieces(double seconds) {
+  std::set<double> isovalues;
+  if (state_.coloring == ViewColoring::kComponent)
+    for (const ViewSurface& surface : state_.surfaces)
+      if (surface.visible) isovalues.insert(surface.isovalue);
+  pieces_.want(isovalues, seconds);
+  pieces_.update();
+  colored_by_.resize(isovalues.empty() ? 0 : state_.surfaces.size());
+  for (std::size_t s = 0; s < colored_by_.size(); ++s)
+    colored_by_[s] = pieces_.wanted(state_.surfaces[s].isovalue);
+}
+
+std::vector<ColoredPieces> ViewSession::coloredPieces() const {
+  std::vector<ColoredPieces> colored;
+  for (std::size_t s = 0; s < colored_by_.size(); ++s) {
+    const ViewSurface& surface = state_.surfaces[s];
+    const StreamedSurface* const shown = requests_.shown().surface(s);
+    const auto listed = pieces_.wanted(surface.isovalue);
+    if (!surface.visible || !(surface.opacity > 0.0) || !listed || shown == nullptr) continue;
+    ColoredPieces& pieces = colored.emplace_back();
+    pieces.isovalue = surface.isovalue;
+    pieces.count = shown->pieces;
+    for (const std::size_t place : shown->largest)
+      if (place < listed->list().size())
+        pieces.largest.emplace_back(place, listed->list()[place].area);
+  }
+  return colored;
+}
+
+VolumeShow::Showing VolumeShow::showingOf(OpenedVolume opened, SceneRenderer& renderer) const {
+  SessionOptions options = options_;
+  options.preview_of = opened.preview_of;
+  auto session = std::make_unique<ViewSession>(opened.file, opened.histogram, renderer, options);
+  return {std::move(opened), std::move(session)};
+}
+
+void VolumeShow::close() {
+  next_.reset();
+  shown_.reset();
+}
+
+void VolumeShow::open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size) {
+  const bool with_panel = !shown_ || session()->interaction().show_panel;
+  close();
+  shown_ = showingOf(std::move(opened), renderer);
+  session()->interaction().show_panel = with_panel;
+  if (!(size.y > 0.0)) return;
+  session()->apply(InputEvent::resized(size.x, size.y), 0.0, false);
+}
+
+void VolumeShow::take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size) {
+  if (showsPreview() && opened.source == shown_->opened.source) {
+    next_ = showingOf(std::move(opened), renderer);
+    return;
+  }
+  if (!opened.preview_of)
+    aside_.reset();
+  else if (shown_ && !showsPreview())
+    aside_ = Aside{shown_->opened, session()->state()};
+  open(std::move(opened), renderer, size);
+}
+
+void VolumeShow::giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size) {
+  if (!showsPreview()) return;
+  if (!aside_) return close();
+  Aside before = *std::exchange(aside_, std::nullopt);
+  open(std::move(before.opened), renderer, size);
+  session()->show(before.state);
+}
+
+void VolumeShow::update(double seconds, UploadAllowance& allowance) {
+  if (!shown_) return;
+  session()->update(seconds, allowance);
+  if (!next_) return;
+  next_->session->follow(*session());
+  next_->session->update(seconds, allowance);
+  const bool takes_over =
+      next_->session->isFine() || (next_->session->hasShown() && !session()->settled());
+  if (!takes_over) return;
+  shown_ = std::exchange(next_, std::nullopt);
+  if (!showsPreview()) aside_.reset();
+}
+
+void VolumeShow::suspend() {
+  if (shown_) session()->suspend();
+  if (next_) next_->session->suspend();
+}
+
+void VolumeShow::resume(SceneRenderer& renderer) {
+  if (shown_) session()->resume(renderer);
+  if (next_) next_->session->resume(renderer);
 }
 
 }  // namespace isobrick

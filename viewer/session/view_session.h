@@ -1,4 +1,5 @@
-// A volume in view: events in, frames out, with extraction beside it. No window.
+// A volume in view: events in, frames out, with extraction beside it. No window. A preview comes
+// first while its pyramid is built.
 #pragma once
 
 #include <algorithm>
@@ -21,9 +22,7 @@
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/shown_volume.h"
-#include "isobrick/viewer/session/slice_views.h"
 #include "isobrick/viewer/session/surface_requests.h"
-#include "isobrick/viewer/session/view_legend.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_history.h"
@@ -48,7 +47,6 @@ class ViewSession {
   // Reads the histogram. Throws Error for a damaged one.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
               const SessionOptions& options);
-  // The same for a pyramid whose histogram was read before.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
               SceneRenderer& renderer, const SessionOptions& options);
   ~ViewSession();
@@ -84,7 +82,6 @@ class ViewSession {
 
   // Requests surfaces for the state and takes those that have come, within the frame's `allowance`.
   void update(double seconds, UploadAllowance& allowance);
-  // In a frame of its own.
   void update(double seconds) {
     UploadAllowance allowance;
     update(seconds, allowance);
@@ -103,7 +100,6 @@ class ViewSession {
   SceneFrame pictureFrame(int width, int height) const;
   // A picture of this height has the surfaces and slices that the window has.
   bool showsTheSameAt(int height) const;
-  // The notes that pictures of the scene have.
   PictureNotes notes() const;
 
   // How long the last frame took, with drawing and showing it: a slow picture gets coarser surfaces
@@ -180,16 +176,7 @@ class ViewSession {
   void grant(ClickedFor what, const glm::dvec3& point);
   void updateOpening();
   void updatePieces(double seconds);
-  AskedView askedView() const {
-    // A coarse level alone has no colours of pieces, and takes a list of its own for chosen ones.
-    const bool has_pieces =
-        state_.coloring == ViewColoring::kComponent ||
-        std::any_of(state_.surfaces.begin(), state_.surfaces.end(),
-                    [](const ViewSurface& surface) { return surface.pieces != PieceChoice(); });
-    const bool is_whole =
-        !has_pieces && (state_.focus.everywhere || !opening_.limit(state_).empty());
-    return {state_, interaction_.size.y, colored_by_, is_whole};
-  }
+  SurfaceWish wish() const;
   std::vector<ColoredPieces> coloredPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;
@@ -223,6 +210,48 @@ class ViewSession {
   PlaneSet planes_;
   SliceViews slice_views_;
   PieceList pieces_;
+};
+
+// Belongs to one thread, that of the renderer, which outlives it.
+class VolumeShow {
+ public:
+  explicit VolumeShow(const SessionOptions& options) : options_(options) {}
+
+  // The session that is shown; null: nothing is open.
+  ViewSession* session() const { return shown_ ? shown_->session.get() : nullptr; }
+  // The pyramid that it was made of; null likewise.
+  const OpenedVolume* opened() const { return shown_ ? &shown_->opened : nullptr; }
+  bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
+
+  // A window of `size` pixels, or 0 while there is none, shows it: at once, or, after a preview of
+  // the same volume, once it is as fine as it gets, or the user changes the surface.
+  void take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size);
+  // No volume will follow the previews: shows again the volume before them.
+  void giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size);
+
+  // As those of ViewSession; the shown session and the next one share `allowance`.
+  void update(double seconds, UploadAllowance& allowance);
+  void suspend();
+  void resume(SceneRenderer& renderer);
+  // True if nothing is about to replace the shown volume, and that is as fine as it gets.
+  bool settled() const { return !next_ && (!shown_ || shown_->session->settled()); }
+
+ private:
+  struct Showing {
+    OpenedVolume opened;
+    std::unique_ptr<ViewSession> session;
+  };
+  struct Aside {
+    OpenedVolume opened;
+    ViewState state;
+  };
+  Showing showingOf(OpenedVolume opened, SceneRenderer& renderer) const;
+  void close();
+  void open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size);
+
+  const SessionOptions options_;
+  std::optional<Showing> shown_, next_;
+  std::optional<Aside> aside_;  // the volume shown before the previews
 };
 
 }  // namespace isobrick

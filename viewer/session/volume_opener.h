@@ -24,7 +24,6 @@ struct PreviewOf {
   Index3 voxels{2};       // of the volume
 };
 
-// The reports of a build under way.
 struct BuildListener {
   // The phase ("bricks"), and the share of it that is done, 0 .. 1.
   std::function<void(std::string_view phase, double share)> progress;
@@ -37,7 +36,6 @@ struct BuildListener {
 using VolumeBuilder =
     std::function<std::string(const std::string& input, const BuildListener&, const CancelFlag&)>;
 
-// A pyramid that is ready to be shown.
 struct OpenedVolume {
   std::string source;   // as the user named it
   std::string pyramid;  // the file; the same, or the one built from it; a preview has none

@@ -9,7 +9,6 @@
 
 namespace isobrick {
 
-// What the user would lose.
 struct Stakes {
   std::size_t unwritten_meshes = 0;    // by leaving
   std::size_t unwritten_pictures = 0;  // likewise

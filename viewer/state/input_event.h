@@ -103,7 +103,6 @@ struct InputEvent {
   std::optional<double> seconds = {};
   double waited = 0.0;
 
-  // The picture has this size, in pixels.
   static InputEvent resized(double width, double height) {
     InputEvent event;
     event.kind = Kind::kResize;

@@ -6,11 +6,13 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
+#include <limits>
 
 namespace isobrick {
 namespace {
 
-// The camera's axes alone.
+constexpr double kMargin = 1.06;  // around what is framed
+
 PlacedCamera turned(const ViewCamera& camera) {
   const double azimuth = glm::radians(camera.azimuth);
   const double elevation = glm::radians(camera.elevation);
@@ -41,9 +43,21 @@ PlacedCamera placeCamera(const ViewCamera& camera, double aspect) {
   return placed;
 }
 
+ViewCamera lookingAt(const glm::dvec3& eye, const glm::dvec3& target) {
+  const glm::dvec3 outward = glm::normalize(eye - target);
+  ViewCamera camera;
+  camera.pivot = target;
+  camera.distance = glm::distance(eye, target);
+  camera.elevation = glm::degrees(std::asin(std::clamp(outward.z, -1.0, 1.0)));
+  const bool is_vertical = outward.x == 0.0 && outward.y == 0.0;
+  camera.azimuth = !is_vertical      ? glm::degrees(std::atan2(outward.x, -outward.y))
+                   : outward.z > 0.0 ? 0.0
+                                     : 180.0;
+  return camera;
+}
+
 ViewCamera framed(const ViewCamera& camera, const WorldBox& box, double aspect) {
   if (box.empty()) return camera;
-  constexpr double kMargin = 1.06;
   ViewCamera result = camera;
   result.pivot = box.center();
   const PlacedCamera axes = turned(camera);
@@ -58,6 +72,43 @@ ViewCamera framed(const ViewCamera& camera, const WorldBox& box, double aspect) 
         std::max(distance, aside - (camera.orthographic ? 0.0 : glm::dot(arm, axes.forward)));
   }
   if (distance > 0.0) result.distance = distance;
+  return result;
+}
+
+CameraFit::CameraFit(const ViewCamera& camera, double aspect)
+    : camera_(camera),
+      axes_(turned(camera)),
+      half_width_(halfHeight(camera) * aspect / kMargin),
+      half_height_(halfHeight(camera) / kMargin),
+      beyond_(-std::numeric_limits<double>::infinity()),
+      nearest_(-std::numeric_limits<double>::infinity()) {}
+
+// A point (x, y, z) along right, up and forward is left of the right border of an eye at (a, b, c)
+// if x - a <= half_width * (z - c); so only the greatest x - half_width * z of all points matters
+// there, and likewise at the three other borders.
+void CameraFit::include(const glm::dvec3& point) {
+  const double x = glm::dot(point, axes_.right);
+  const double y = glm::dot(point, axes_.up);
+  const double z = glm::dot(point, axes_.forward);
+  const double across = half_width_ * z, along = half_height_ * z;
+  beyond_ = glm::max(beyond_, glm::dvec4(x - across, -x - across, y - along, -y - along));
+  nearest_ = std::max(nearest_, -z);
+  box_.include(point);
+}
+
+ViewCamera CameraFit::fitted() const {
+  if (box_.empty()) return camera_;
+  const auto [right, left, top, bottom] = std::array{beyond_.x, beyond_.y, beyond_.z, beyond_.w};
+  double depth =
+      std::min(-(right + left) / (2.0 * half_width_), -(top + bottom) / (2.0 * half_height_));
+  // A point, or a line seen end on, can be approached without end.
+  const double scale = std::max({1.0, std::abs(nearest_), std::abs(right), std::abs(top)});
+  if (-nearest_ - depth < 1e-9 * scale) depth = -nearest_ - 1.0;
+  const glm::dvec3 eye = axes_.right * (0.5 * (right - left)) + axes_.up * (0.5 * (top - bottom)) +
+                         axes_.forward * depth;
+  ViewCamera result = camera_;
+  result.distance = glm::dot(box_.center() - eye, axes_.forward);
+  result.pivot = eye + result.distance * axes_.forward;
   return result;
 }
 

@@ -3,13 +3,14 @@
 
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
 
 #include "isobrick/viewer/placed_camera.h"
 
 namespace isobrick {
 
 // Turns about a pivot. In the patient's coordinates of medical volumes (+x left, +y back, +z head)
-// azimuth 0 and elevation 0 look along +y, as OrbitCamera of `render` does.
+// azimuth 0 and elevation 0 look along +y: a portrait of the face.
 struct ViewCamera {
   glm::dvec3 pivot{0.0};       // world; in the middle of the picture
   double distance = 1.0;       // from the eye to the pivot, world units; 0: see isPlaced()
@@ -27,8 +28,30 @@ inline bool isPlaced(const ViewCamera& camera) { return camera.distance > 0.0; }
 // `aspect` is width / height of the picture.
 PlacedCamera placeCamera(const ViewCamera& camera, double aspect);
 
+// From `eye` to `target`, which is the pivot; +y is up if that is straight above or below.
+ViewCamera lookingAt(const glm::dvec3& eye, const glm::dvec3& target);
+
 // The same direction, from a place that sees the whole box; the pivot is its middle.
 ViewCamera framed(const ViewCamera& camera, const WorldBox& box, double aspect);
+
+// The place of the eye, without turning it, at which the points just fill the picture, but for a
+// margin: they lie in the middle of both directions and touch the border in one.
+class CameraFit {
+ public:
+  // `aspect` is width / height of the picture. Perspective alone.
+  CameraFit(const ViewCamera& camera, double aspect);
+  void include(const glm::dvec3& point);
+  // With the pivot as far away as the middle of the points; while none was included, as it was.
+  ViewCamera fitted() const;
+
+ private:
+  ViewCamera camera_;
+  PlacedCamera axes_;
+  double half_width_, half_height_;
+  glm::dvec4 beyond_;  // of the points at the right, left, upper and lower border
+  WorldBox box_ = emptyWorldBox();
+  double nearest_;
+};
 
 // Turned about the pivot, to the right and up. Elevation stops at the poles.
 ViewCamera orbited(const ViewCamera& camera, double azimuth_degrees, double elevation_degrees);

@@ -1,5 +1,6 @@
-// A saved view: its state, and the volume that it was saved of. Ctrl+S writes it, `--state` opens
-// it.
+// A saved view: the state as JSON text, and the volume that it was saved of. Ctrl+S writes the
+// file,
+// `--state` opens it.
 #pragma once
 
 #include <string>
@@ -8,7 +9,17 @@
 
 namespace isobrick {
 
-// The version of the files that are written here.
+// `what` it is, for the error: "view". Throws Error if it cannot be read.
+std::string readTextFile(const std::string& path, const char* what);
+
+// Every field of ViewState under its own name; doubles come back to the bit.
+std::string viewStateToJson(const ViewState& state);
+
+// Fields that the text lacks keep their defaults, but a camera without a distance is not placed:
+// isPlaced(). Throws Error, in one line that names the field,
+// for text that is no JSON, an unknown field, and a value of another type or out of its range.
+ViewState viewStateFromJson(const std::string& text);
+
 inline constexpr int kViewVersion = 1;
 
 struct SavedView {

@@ -1,131 +1,51 @@
 #include "isobrick/viewer/state/view_keys.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <optional>
-#include <utility>
 
 namespace isobrick {
 namespace {
 
-void moveIsovalue(double step, const ViewVolume& volume, ViewState& state) {
-  activeSurface(state).isovalue += step;
-  state = bounded(state, volume);
+struct KeyPress {
+  const InputEvent& event;
+  const ViewVolume& volume;
+  Interaction& interaction;
+  ViewState& state;
+  Wishes& wishes;
+};
+
+struct KeyBinding {
+  Key key;
+  void (*act)(const KeyPress& press);
+  bool control = false;
+  // A key that is held goes on: not with what writes a file, nor with leaving, of which twice is a
+  // yes.
+  bool repeats = false;
+};
+constexpr bool kControl = true, kRepeats = true;
+
+// A line of the help, and its keys.
+struct KeyRow {
+  KeyHelp help;
+  std::vector<KeyBinding> bindings = {};
+};
+
+void flip(bool& flag) { flag = !flag; }
+
+void moveIsovalue(double steps, const KeyPress& press) {
+  activeSurface(press.state).isovalue +=
+      (press.event.shift ? 10.0 : 1.0) * steps * isovalueStep(press.volume);
+  press.state = bounded(press.state, press.volume);
 }
 
-void controlKey(const InputEvent& event, Wishes& wishes) {
-  switch (event.key) {
-    case Key::kZ:
-      (event.shift ? wishes.redo : wishes.undo) = true;
-      break;
-    case Key::kY:
-      wishes.redo = true;
-      break;
-    case Key::kS:
-      if (event.shift)
-        wishes.save_named_view.emplace();
-      else
-        wishes.save_state = true;
-      break;
-    case Key::kR:
-      wishes.show_named_view.emplace();
-      break;
-    case Key::kO:
-      wishes.load_state = true;
-      break;
-    case Key::kQ:
-      wishes.close = true;
-      break;
-    default:
-      break;
-  }
+void switchTool(Interaction::Tool tool, const KeyPress& press) {
+  const bool is_on = press.interaction.tool == tool;
+  chooseTool(is_on ? Interaction::Tool::kNone : tool, press.interaction);
 }
 
-bool fliesWith(Key key) {
-  return key == Key::kW || key == Key::kA || key == Key::kS || key == Key::kD || key == Key::kE ||
-         key == Key::kQ;
-}
-
-// The views from the keypad, which Ctrl turns round.
-bool lookFrom(Key key, bool control, ViewState& state) {
-  constexpr std::pair<Key, std::array<AxisView, 2>> kViews[] = {
-      {Key::kPad1, {AxisView::kFront, AxisView::kBack}},
-      {Key::kPad3, {AxisView::kRight, AxisView::kLeft}},
-      {Key::kPad7, {AxisView::kTop, AxisView::kBottom}}};
-  for (const auto& [view_key, views] : kViews)
-    if (key == view_key) {
-      state.camera = alongAxis(state.camera, views[control ? 1 : 0]);
-      return true;
-    }
-  return false;
-}
-
-// A key that is held goes on with these alone: leaving twice is a yes, and no file is written
-// twice.
-bool isStep(const InputEvent& event) {
-  return event.control ? event.key == Key::kZ || event.key == Key::kY
-                       : event.key == Key::kLeft || event.key == Key::kRight;
-}
-
-// The keys that switch something on and off, or wish for it.
-void toggle(Key key, Interaction& interaction, ViewState& state, Wishes& wishes) {
-  const std::pair<Key, bool*> toggles[] = {{Key::kPad5, &state.camera.orthographic},
-                                           {Key::kO, &state.camera.orthographic},
-                                           {Key::kG, &interaction.flying},
-                                           {Key::kW, &state.wireframe},
-                                           {Key::kB, &state.show_box},
-                                           {Key::kU, &state.slice_views.shown},
-                                           {Key::kS, &state.focus.show_sphere},
-                                           {Key::kT, &state.show_handles},
-                                           {Key::kV, &state.focus.follow_view},
-                                           {Key::kTab, &interaction.show_panel},
-                                           {Key::kH, &interaction.show_help}};
-  for (const auto& [toggle_key, flag] : toggles)
-    if (key == toggle_key) *flag = !*flag;
-  const std::pair<Key, bool*> plain_wishes[] = {
-      {Key::kHome, &wishes.first_view}, {Key::kM, &wishes.export_mesh}, {Key::kN, &wishes.browse}};
-  for (const auto& [wish_key, wish] : plain_wishes)
-    if (key == wish_key) *wish = true;
-}
-
-void switchTool(Interaction::Tool tool, Interaction& interaction) {
-  chooseTool(interaction.tool == tool ? Interaction::Tool::kNone : tool, interaction);
-}
-
-// The keys of the tools.
-void toolKey(const InputEvent& event, Interaction& interaction, ViewState& state, Wishes& wishes) {
-  switch (event.key) {
-    case Key::kEscape:
-      interaction.flying = interaction.show_help = false;
-      chooseTool(Interaction::Tool::kNone, interaction);
-      break;
-    case Key::kD:
-      switchTool(Interaction::Tool::kDistance, interaction);
-      break;
-    case Key::kA:
-      switchTool(Interaction::Tool::kAngle, interaction);
-      break;
-    case Key::kK:
-      switchTool(Interaction::Tool::kPiece, interaction);
-      break;
-    case Key::kEnter:
-      wishes.keep_piece = interaction.tool == Interaction::Tool::kPiece;
-      break;
-    case Key::kDelete:
-      wishes.hide_piece = interaction.tool == Interaction::Tool::kPiece;
-      break;
-    case Key::kBackspace:
-      if (!interaction.picked.empty())
-        interaction.picked.pop_back();
-      else if (!state.measurements.empty())
-        state.measurements.pop_back();
-      break;
-    default:
-      break;
-  }
-}
+bool picks(const KeyPress& press) { return press.interaction.tool == Interaction::Tool::kPiece; }
 
 // Around the sphere of interest, as far as it is in the volume.
 WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
@@ -135,62 +55,161 @@ WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
   return volume.boxAround(lower, upper);
 }
 
-void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
-              ViewState& state, Wishes& wishes) {
-  const double step = (event.shift ? 10.0 : 1.0) * isovalueStep(volume);
-  if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
-  if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
-  if (interaction.flying && fliesWith(event.key)) return;
-  if (lookFrom(event.key, false, state)) return;
-  toggle(event.key, interaction, state, wishes);
-  toolKey(event, interaction, state, wishes);
-  switch (event.key) {
-    case Key::kF:
-      if (event.shift)
-        state.camera = framed(state.camera, boxOfFocus(volume, state), interaction.aspect());
-      else
-        wishes.frame_surfaces = true;
-      break;
-    case Key::kR:
-      stepIsovalue(volume, state);
-      break;
-    case Key::kC:
-      state.coloring =
-          state.coloring == ViewColoring::kPlain ? ViewColoring::kLevel : ViewColoring::kPlain;
-      break;
-    case Key::kL:
-      state.lighting = state.lighting == ViewLighting::kThreeLights ? ViewLighting::kHeadlight
-                                                                    : ViewLighting::kThreeLights;
-      break;
-    case Key::kX:
-    case Key::kY:
-    case Key::kZ:
-      toggleClipPlane(static_cast<int>(event.key) - static_cast<int>(Key::kX), volume, state);
-      break;
-    case Key::kI:
-      if (!state.clip_planes.empty()) {
-        state.clip_planes.back().normal = -state.clip_planes.back().normal;
-        state.clip_planes.back().offset = -state.clip_planes.back().offset;
-      }
-      break;
-    case Key::kP:
-    case Key::kF12:
-      (event.shift ? wishes.screenshot_exr : wishes.screenshot) = true;
-      break;
-    default:
-      break;
-  }
+void frameIt(const KeyPress& press) {
+  if (press.event.shift)
+    press.state.camera = framed(press.state.camera, boxOfFocus(press.volume, press.state),
+                                press.interaction.aspect());
+  else
+    press.wishes.frame_surfaces = true;
+}
+
+void endTools(const KeyPress& press) {
+  press.interaction.flying = press.interaction.show_help = false;
+  chooseTool(Interaction::Tool::kNone, press.interaction);
+}
+
+void takeLastBack(const KeyPress& press) {
+  if (!press.interaction.picked.empty())
+    press.interaction.picked.pop_back();
+  else if (!press.state.measurements.empty())
+    press.state.measurements.pop_back();
+}
+
+void turnClipPlaneRound(const KeyPress& press) {
+  if (press.state.clip_planes.empty()) return;
+  ViewClipPlane& plane = press.state.clip_planes.back();
+  plane.normal = -plane.normal;
+  plane.offset = -plane.offset;
+}
+
+void writePicture(const KeyPress& press) {
+  (press.event.shift ? press.wishes.screenshot_exr : press.wishes.screenshot) = true;
+}
+
+void writeView(const KeyPress& press) {
+  if (press.event.shift)
+    press.wishes.save_named_view.emplace();
+  else
+    press.wishes.save_state = true;
+}
+
+template <AxisView kFrom>
+void lookFrom(const KeyPress& press) {
+  press.state.camera = alongAxis(press.state.camera, kFrom);
+}
+
+template <int kAxis>
+void cutAcross(const KeyPress& press) {
+  toggleClipPlane(kAxis, press.volume, press.state);
+}
+
+const std::vector<KeyRow>& keyRows() {
+  using Press = const KeyPress&;
+  using Tool = Interaction::Tool;
+  static const std::vector<KeyRow> rows{
+      {{"left drag", "turn"}},
+      {{"middle or Shift+left drag", "move sideways"}},
+      {{"right drag, wheel", "zoom towards the cursor"}},
+      {{"Ctrl+wheel", "region of interest, its radius"}},
+      {{"double click", "turn about the surface there, and focus on it"}},
+      {{"left, right arrow",
+        "isovalue by a thousandth of the range or less; with Shift by 10 of them"},
+       {{Key::kLeft, [](Press p) { moveIsovalue(-1.0, p); }, false, kRepeats},
+        {Key::kRight, [](Press p) { moveIsovalue(1.0, p); }, false, kRepeats}}},
+      {{"R", "the next isovalue that is suggested"},
+       {{Key::kR, [](Press p) { stepIsovalue(p.volume, p.state); }}}},
+      {{"F, Shift+F", "see all of the surface; the focus"}, {{Key::kF, frameIt}}},
+      {{"Ctrl+Z, Ctrl+Shift+Z, Home", "undo, redo; the first view"},
+       {{Key::kZ, [](Press p) { (p.event.shift ? p.wishes.redo : p.wishes.undo) = true; }, kControl,
+         kRepeats},
+        {Key::kY, [](Press p) { p.wishes.redo = true; }, kControl, kRepeats},
+        {Key::kHome, [](Press p) { p.wishes.first_view = true; }}}},
+      {{"keypad 1, 3, 7", "from the front, the right, the top; with Ctrl from behind"},
+       {{Key::kPad1, lookFrom<AxisView::kFront>},
+        {Key::kPad1, lookFrom<AxisView::kBack>, kControl},
+        {Key::kPad3, lookFrom<AxisView::kRight>},
+        {Key::kPad3, lookFrom<AxisView::kLeft>, kControl},
+        {Key::kPad7, lookFrom<AxisView::kTop>},
+        {Key::kPad7, lookFrom<AxisView::kBottom>, kControl}}},
+      {{"keypad 5 or O", "orthographic or perspective"},
+       {{Key::kPad5, [](Press p) { flip(p.state.camera.orthographic); }},
+        {Key::kO, [](Press p) { flip(p.state.camera.orthographic); }}}},
+      {{"arrows in the scene", "drag the focus, or a clip plane"}},
+      {{"cube", "from that side; drag it to turn"}},
+      {{"T", "the arrows on and off"}, {{Key::kT, [](Press p) { flip(p.state.show_handles); }}}},
+      {{"V", "the focus follows the view, or stays"},
+       {{Key::kV, [](Press p) { flip(p.state.focus.follow_view); }}}},
+      {{"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
+       {{Key::kG, [](Press p) { flip(p.interaction.flying); }}, {Key::kEscape, endTools}}},
+      {{"D, A", "measure a distance, an angle: click on the surface; Esc ends it"},
+       {{Key::kD, [](Press p) { switchTool(Tool::kDistance, p); }},
+        {Key::kA, [](Press p) { switchTool(Tool::kAngle, p); }}}},
+      {{"K", "pick a piece: click on the surface; Enter keeps only that one, Delete hides it"},
+       {{Key::kK, [](Press p) { switchTool(Tool::kPiece, p); }},
+        {Key::kEnter, [](Press p) { p.wishes.keep_piece = picks(p); }},
+        {Key::kDelete, [](Press p) { p.wishes.hide_piece = picks(p); }}}},
+      {{"Backspace", "takes the last point, or measurement, back"},
+       {{Key::kBackspace, takeLastBack}}},
+      {{"W", "wireframe"}, {{Key::kW, [](Press p) { flip(p.state.wireframe); }}}},
+      {{"C", "colour by level"},
+       {{Key::kC,
+         [](Press p) {
+           const bool is_plain = p.state.coloring == ViewColoring::kPlain;
+           p.state.coloring = is_plain ? ViewColoring::kLevel : ViewColoring::kPlain;
+         }}}},
+      {{"L", "three lights or a headlight"},
+       {{Key::kL,
+         [](Press p) {
+           const bool are_three = p.state.lighting == ViewLighting::kThreeLights;
+           p.state.lighting = are_three ? ViewLighting::kHeadlight : ViewLighting::kThreeLights;
+         }}}},
+      {{"B", "the box"}, {{Key::kB, [](Press p) { flip(p.state.show_box); }}}},
+      {{"S", "the region of interest"},
+       {{Key::kS, [](Press p) { flip(p.state.focus.show_sphere); }}}},
+      {{"X, Y, Z", "a clip plane across that axis through the focus, on and off"},
+       {{Key::kX, cutAcross<0>}, {Key::kY, cutAcross<1>}, {Key::kZ, cutAcross<2>}}},
+      {{"I", "turn the last clip plane round"}, {{Key::kI, turnClipPlaneRound}}},
+      {{"U", "the slices in three views beside the scene; right drag there: black and white"},
+       {{Key::kU, [](Press p) { flip(p.state.slice_views.shown); }}}},
+      {{"P or F12", "write a picture; with Shift as EXR, with depth and normals"},
+       {{Key::kP, writePicture}, {Key::kF12, writePicture}}},
+      {{"M", "write the mesh"}, {{Key::kM, [](Press p) { p.wishes.export_mesh = true; }}}},
+      {{"N", "open another volume; so does dropping one on the window"},
+       {{Key::kN, [](Press p) { p.wishes.browse = true; }}}},
+      {{"Ctrl+S, Ctrl+O", "write the view, read it again"},
+       {{Key::kS, writeView, kControl},
+        {Key::kO, [](Press p) { p.wishes.load_state = true; }, kControl}}},
+      {{"Ctrl+Shift+S, Ctrl+R", "save the view under a new name; the next view that has a name"},
+       {{Key::kR, [](Press p) { p.wishes.show_named_view.emplace(); }, kControl}}},
+      {{"Tab", "the panel"}, {{Key::kTab, [](Press p) { flip(p.interaction.show_panel); }}}},
+      {{"H", "this list"}, {{Key::kH, [](Press p) { flip(p.interaction.show_help); }}}},
+      {{"Ctrl+Q", "leave"}, {{Key::kQ, [](Press p) { p.wishes.close = true; }, kControl}}},
+  };
+  return rows;
+}
+
+bool fliesWith(Key key) {
+  constexpr Key kFlight[] = {Key::kW, Key::kA, Key::kS, Key::kD, Key::kE, Key::kQ};
+  return std::ranges::find(kFlight, key) != std::end(kFlight);
 }
 
 }  // namespace
 
 void pressKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
               ViewState& state, Wishes& wishes) {
-  if (event.repeated && !isStep(event)) return;
-  if (!event.control)
-    plainKey(event, volume, interaction, state, wishes);
-  else if (!lookFrom(event.key, true, state))
-    controlKey(event, wishes);
+  if (!event.control && interaction.flying && fliesWith(event.key)) return;
+  const KeyPress press{event, volume, interaction, state, wishes};
+  for (const KeyRow& row : keyRows())
+    for (const KeyBinding& binding : row.bindings)
+      if (binding.key == event.key && binding.control == event.control &&
+          (binding.repeats || !event.repeated))
+        return binding.act(press);
+}
+
+std::vector<KeyHelp> keyHelp() {
+  std::vector<KeyHelp> help;
+  for (const KeyRow& row : keyRows()) help.push_back(row.help);
+  return help;
 }
 
 double isovalueStep(const ViewVolume& volume) {

@@ -103,59 +103,47 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   return result;
 }
 
-Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius,
-              double height) {
-  Query query;
-  query.isovalue = state.surfaces[surface].isovalue;
-  query.curvature_tolerance = state.curvature_tolerance;
-  if (radius < volume.diagonal()) query.focus = FocusSphere{state.focus.center, radius};
-  if (state.view_pixels) {
-    const PlacedCamera camera = placeCamera(state.camera, 1.0);
-    ViewPoint view;
-    view.eye = camera.eye;
-    view.pixels = *state.view_pixels;
-    const double pixels = std::max(height, 1.0);
-    view.pixels_per_radian = pixels / glm::radians(state.camera.vertical_fov);
-    if (camera.orthographic) view.pixels_per_unit = pixels / (2.0 * camera.half_height);
-    query.view = view;
-  }
-  return query;
-}
-
 double wantedRadius(const ViewState& state, const ViewVolume& volume) {
   return state.focus.everywhere ? volume.diagonal()
                                 : std::min(state.focus.radius, volume.diagonal());
 }
 
-namespace {
-
-// Compares the settings of the surfaces' detail, but for the radius, and of their colouring.
-bool asksForTheSameDetail(const ViewState& a, const ViewState& b) {
-  const auto carriesValues = [](const ViewState& state) {
-    return state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther;
-  };
-  if ((carriesValues(a) || carriesValues(b)) && a.coloring != b.coloring) return false;
-  if (a.coloring == ViewColoring::kOther && a.values.other != b.values.other) return false;
-  return a.focus.center == b.focus.center && a.curvature_tolerance == b.curvature_tolerance &&
-         a.view_pixels == b.view_pixels && (!a.view_pixels || a.camera == b.camera);
+SurfaceWish SurfaceWish::withoutLists() const {
+  SurfaceWish result = *this;
+  for (Surface& surface : result.surfaces) surface.listed.reset();
+  return result;
 }
 
-}  // namespace
-
-bool asksForTheSameSurface(const ViewState& a, const ViewState& b, std::size_t surface) {
-  return surface < a.surfaces.size() && surface < b.surfaces.size() &&
-         a.surfaces[surface].isovalue == b.surfaces[surface].isovalue &&
-         a.surfaces[surface].pieces == b.surfaces[surface].pieces && asksForTheSameDetail(a, b);
+SurfaceWish wishOf(const ViewState& state, const ViewVolume& volume, double height) {
+  SurfaceWish wish;
+  for (const ViewSurface& surface : state.surfaces)
+    wish.surfaces.push_back({surface.isovalue, surface.pieces, surface.visible});
+  wish.radius = wantedRadius(state, volume);
+  wish.detail.focus = state.focus.center;
+  wish.detail.curvature_tolerance = state.curvature_tolerance;
+  if (state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther)
+    wish.detail.values = state.coloring;
+  if (state.coloring == ViewColoring::kOther) wish.detail.other = state.values.other;
+  if (state.view_pixels) {
+    const PlacedCamera camera = placeCamera(state.camera, 1.0);
+    ViewPoint& view = wish.detail.view.emplace();
+    view.eye = camera.eye;
+    view.pixels = *state.view_pixels;
+    const double pixels = std::max(height, 1.0);
+    view.pixels_per_radian = pixels / glm::radians(state.camera.vertical_fov);
+    if (camera.orthographic) view.pixels_per_unit = pixels / (2.0 * camera.half_height);
+  }
+  return wish;
 }
 
-bool asksForTheSame(const ViewState& a, const ViewState& b) {
-  return asksForTheSameDetail(a, b) && a.focus.radius == b.focus.radius &&
-         a.focus.everywhere == b.focus.everywhere &&
-         std::equal(a.surfaces.begin(), a.surfaces.end(), b.surfaces.begin(), b.surfaces.end(),
-                    [](const ViewSurface& s, const ViewSurface& t) {
-                      return s.isovalue == t.isovalue && s.visible == t.visible &&
-                             s.pieces == t.pieces;
-                    });
+Query queryOf(const SurfaceWish& wish, const ViewVolume& volume, std::size_t surface,
+              double radius) {
+  Query query;
+  query.isovalue = wish.surfaces[surface].isovalue;
+  query.curvature_tolerance = wish.detail.curvature_tolerance;
+  query.view = wish.detail.view;
+  if (radius < volume.diagonal()) query.focus = FocusSphere{wish.detail.focus, radius};
+  return query;
 }
 
 }  // namespace isobrick

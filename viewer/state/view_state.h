@@ -3,6 +3,7 @@
 
 #include <array>
 #include <glm/vec3.hpp>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,9 +14,10 @@
 #include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_camera.h"
-#include "isobrick/viewer/state/view_pieces.h"
 
 namespace isobrick {
+
+class ListedComponents;  // stream/listed_components.h
 
 // Colours are sRGB values 0..1.
 struct ViewSurface {
@@ -139,7 +141,6 @@ struct ViewState {
   bool operator==(const ViewState&) const = default;
 };
 
-// The active surface.
 inline ViewSurface& activeSurface(ViewState& state) {
   return state.surfaces[static_cast<std::size_t>(state.active_surface)];
 }
@@ -150,7 +151,6 @@ inline const ViewSurface& activeSurface(const ViewState& state) {
 // Not the last one. The active one stays active, unless it goes itself.
 void removeSurface(std::size_t surface, ViewState& state);
 
-// The facts of the volume that the viewer shows.
 struct ViewVolume {
   Index3 voxels{2, 2, 2};
   GridGeometry geometry;
@@ -160,9 +160,7 @@ struct ViewVolume {
   bool has_all_values = true;     // false: there may be others than from the least to the greatest
   std::vector<double> isovalues;  // that are suggested, the best one first; none of equal voxels
 
-  // The world's axis-aligned box around all voxels.
   WorldBox box() const;
-  // That around a box of voxel indices.
   WorldBox boxAround(const glm::dvec3& lower, const glm::dvec3& upper) const;
   // Voxels from any point of the volume to the furthest.
   double diagonal() const;
@@ -176,21 +174,48 @@ ViewState firstView(const ViewVolume& volume, double aspect);
 // it follows the view. Bounds once more change nothing.
 ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
-// Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or if
-// the focus is everywhere and the radius reaches all of it, the whole of level 0.
-//
-// `height`: of the picture, pixels; counts if the view sets how fine the surface shall be.
-Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius,
-              double height);
-
-// The radius at rest.
 double wantedRadius(const ViewState& state, const ViewVolume& volume);
 
-// True if both give the same query of a surface, but for the radius.
-bool asksForTheSameSurface(const ViewState& a, const ViewState& b, std::size_t surface);
+// All that the triangles of a view, and the values at their vertices, follow from: equal wishes
+// have equal chunks.
+struct SurfaceWish {
+  struct Surface {
+    double isovalue = 0.0;
+    PieceChoice pieces = {};
+    bool visible = true;
+    std::shared_ptr<const ListedComponents> listed = {};  // that it is coloured by; null: none
 
-// True if both give the same triangles and values at their vertices, in a picture of the same
-// height.
-bool asksForTheSame(const ViewState& a, const ViewState& b);
+    bool operator==(const Surface&) const = default;
+  };
+  // Of all surfaces, but for how far they are fine.
+  struct Detail {
+    glm::dvec3 focus{0.0};  // voxel indices
+    std::optional<double> curvature_tolerance;
+    std::optional<ViewPoint> view;
+    ViewColoring values = ViewColoring::kPlain;  // that vertices carry: kGradient, kOther, or none
+    std::string other;                           // the path of the pyramid of kOther
+
+    bool operator==(const Detail&) const = default;
+  };
+  std::vector<Surface> surfaces;
+  Detail detail;
+  double radius = 0.0;  // at rest, voxels
+  // The user chose no focus: a surface that is coarser than wanted is of one level everywhere. It
+  // changes nothing that is shown at rest.
+  bool is_whole = false;
+
+  // The same without colours of pieces.
+  SurfaceWish withoutLists() const;
+  bool operator==(const SurfaceWish& other) const {
+    return surfaces == other.surfaces && detail == other.detail && radius == other.radius;
+  }
+};
+
+// `height`: of the picture, pixels; counts if the view sets how fine the surface shall be.
+SurfaceWish wishOf(const ViewState& state, const ViewVolume& volume, double height);
+
+// Surfaces within the radius `radius`; beyond the volume's diagonal the whole of level 0.
+Query queryOf(const SurfaceWish& wish, const ViewVolume& volume, std::size_t surface,
+              double radius);
 
 }  // namespace isobrick

@@ -10,6 +10,7 @@
 
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/storage/voxel_type.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
 
 namespace isobrick {
 
@@ -52,7 +53,6 @@ SceneLattice latticeOf(const GridGeometry& geometry) {
 
 namespace {
 
-// The cell of a level that holds a voxel index.
 Index3 cellOf(const Lattice& lattice, int level, const glm::dvec3& index) {
   return glm::clamp(Index3(glm::floor(index)) >> std::int64_t{level}, Index3(0),
                     lattice.cells(level) - Index3(1));
@@ -91,16 +91,7 @@ class SampleField {
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));
     const glm::dvec3 share = (index - low) / (high - low);
-    double sum = 0.0;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Index3 step(corner & 1, corner >> 1 & 1, corner >> 2);
-      double weight = 1.0;
-      for (int axis = 0; axis < 3; ++axis)
-        weight *= step[axis] != 0 ? share[axis] : 1.0 - share[axis];
-      if (weight != 0.0)
-        sum += weight * static_cast<double>(data_[linearIndex(cell + step - first_, count_)]);
-    }
-    return sum;
+    return trilinear(data_, count_, cell - first_, share);
   }
 
   const T* data_;

@@ -1,19 +1,23 @@
-// A triangle sink that makes the chunks of a picture.
+// A triangle sink that makes the chunks of a picture, and numbers for the vertices of chunks.
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <glm/vec3.hpp>
 #include <memory>
 #include <span>
 #include <string>
+#include <unordered_map>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/storage/checksum.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
 
-// The place of a volume's chunks in the world.
 SceneLattice latticeOf(const GridGeometry& geometry);
 
 // Thread-safe.
@@ -41,7 +45,6 @@ std::unique_ptr<ChunkValues> otherValues(const Pyramid& shown, const std::string
 class ChunkSink : public TriangleSink {
  public:
   using Take = std::function<void(std::size_t place, SurfaceChunk&& chunk)>;
-  // The values that vertices get.
   struct Values {
     const ChunkValues* of = nullptr;  // outlive the sink; null: none
     bool components = false;          // the colours of PlacedBatch::components instead
@@ -59,6 +62,30 @@ class ChunkSink : public TriangleSink {
   Values values_;
   Take take_;
   std::uint64_t next_place_ = 0;
+};
+
+// Numbers for the vertices of one surface: the same place has the same one. The edge of the lattice
+// that a vertex lies on is not a part of a chunk, but its position is the same to the bit on both
+// sides of a brick, and no two edges have a crossing in one place (docs/ALGORITHM.md, rule 8).
+class VertexPlaces {
+ public:
+  // `next`: for a place that is new. In the scene's lattice.
+  std::uint64_t numberOf(const SurfaceChunk& chunk, const SurfaceVertex& vertex,
+                         std::uint64_t next) {
+    // Adding 0 makes the two zeros one.
+    const glm::dvec3 at = chunk.origin + glm::dvec3(vertex.position) + 0.0;
+    return numbers_.try_emplace({at.x, at.y, at.z}, next).first->second;
+  }
+  std::size_t size() const { return numbers_.size(); }
+
+ private:
+  using Place = std::array<double, 3>;
+  struct Hash {
+    std::size_t operator()(const Place& place) const {
+      return checksum64(place.data(), sizeof(Place));
+    }
+  };
+  std::unordered_map<Place, std::uint64_t, Hash> numbers_;
 };
 
 }  // namespace isobrick

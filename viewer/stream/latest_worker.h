@@ -1,6 +1,7 @@
-// A thread that works on the latest request alone.
+// A thread that works on the latest request alone, and the clock of the viewer.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <functional>
@@ -15,6 +16,10 @@
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
+
+inline double clockSeconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 // The words of a failure; fewer, which need no memory, if there is none for them.
 inline std::string failureWords(const std::exception& failure) noexcept try {

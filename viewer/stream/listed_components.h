@@ -95,7 +95,6 @@ class KnownComponents {
   // that another thread makes of the same surface. Throws as ListedComponents().
   std::shared_ptr<const ListedComponents> findOrList(Extractor& extractor, const Pyramid& pyramid,
                                                      const ListingQuery& query);
-  // How often a surface was listed.
   std::uint64_t listings() const { return listings_; }
 
  private:

@@ -6,13 +6,12 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/stream/chunk_sink.h"
 #include "isobrick/viewer/stream/surface_set.h"
-#include "isobrick/viewer/stream/vertex_places.h"
 
 namespace isobrick {
 namespace {
 
-// Keeps chunks as they are.
 class ChunksInMemory : public ChunkStore {
  public:
   ChunkId reserve(const SurfaceChunk& chunk) override try {

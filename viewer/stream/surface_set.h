@@ -65,7 +65,6 @@ class SurfaceSet {
   SurfaceSet(const SurfaceSet&) = delete;
   SurfaceSet& operator=(const SurfaceSet&) = delete;
 
-  // The sum of the messages of one frame.
   struct News {
     bool shows_another = false;  // a pass was completed
     bool over_budget = false;    // the current pass does not fit, here or on the card: dropped
@@ -141,7 +140,6 @@ class SurfaceSet {
       chunks.splice(chunks.end(), from.chunks);
     }
   };
-  // A chunk that is uploaded in part.
   struct Pending {
     ChunkId id = 0;
     SurfaceChunk chunk;

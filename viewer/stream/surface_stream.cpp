@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/clock_seconds.h"
 #include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "isobrick/viewer/stream/latest_worker.h"

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "isobrick/viewer/background.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
 
@@ -55,7 +55,6 @@ void planeOfValues(ViewSession& session) {
   }
 }
 
-// The largest pieces, in their colours.
 void legendOfPieces(const ViewSession& session) {
   if (session.waitsForPieces()) return ImGui::TextDisabled("finding the pieces");
   const PictureLegend legend = session.notes().meaning;
@@ -66,7 +65,6 @@ void legendOfPieces(const ViewSession& session) {
   if (!legend.rest.empty()) ImGui::TextDisabled("%s", legend.rest.c_str());
 }
 
-// The meaning of the surfaces' colours.
 void coloring(ViewSession& session, float scale) {
   ViewState& state = session.state();
   int chosen = static_cast<int>(state.coloring);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
 

@@ -8,7 +8,6 @@
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/window/view_panel.h"
 #include "isobrick/viewer/window/view_target.h"
-#include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
 
@@ -32,7 +31,6 @@ class InputRouter {
   // its place. The panel's frame is begun.
   Wishes pass(ViewPanel& panel, ViewSession* session, double seconds);
 
-  // The window's size, and the parts of it.
   int width() const { return width_; }
   int height() const { return height_; }
   glm::dvec2 size() const { return {width_, height_}; }

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "isobrick/viewer/state/short_number.h"
+#include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_keys.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
@@ -99,7 +99,6 @@ int digitsOf(const ViewVolume& volume) {
   return 6 + static_cast<int>(std::clamp(more, 0.0, 11.0));
 }
 
-// A button for each.
 void suggestions(ViewSession& session) {
   if (session.volume().isovalues.empty()) return;
   ViewState& state = session.state();

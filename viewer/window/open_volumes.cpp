@@ -7,7 +7,6 @@
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/session/folder_listing.h"
-#include "isobrick/viewer/session/output_names.h"
 
 namespace isobrick {
 

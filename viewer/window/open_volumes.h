@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
-#include "isobrick/viewer/session/volume_show.h"
 #include "isobrick/viewer/window/output_files.h"
 #include "isobrick/viewer/window/view_loop.h"
 #include "isobrick/viewer/window/view_target.h"

@@ -2,23 +2,203 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
+#include "isobrick/storage/remote_options.h"
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/session/output_names.h"
+#include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/state/view_file.h"
 #include "isobrick/viewer/view_picture.h"
 
 namespace isobrick {
 namespace {
 
+namespace fs = std::filesystem;
+
+constexpr std::string_view kViewEnding = ".view.json";
+
+std::vector<std::string> viewsIn(const std::string& folder, const CancelFlag& cancel) {
+  std::vector<std::string> names;
+  if (!isPresent(folder)) return {};
+  const std::error_code failure = visitFolder(folder, [&](const FolderMember& member) {
+    cancel.check();
+    const std::string file = member.name();
+    if (file.size() > kViewEnding.size() && file.ends_with(kViewEnding))
+      names.push_back(file.substr(0, file.size() - kViewEnding.size()));
+    return true;
+  });
+  if (failure)
+    throw Error("cannot list the views in '" + folder + "': " + failure.message() +
+                    "; check its permissions",
+                {.path = folder});
+  std::sort(names.begin(), names.end());
+  if (names.size() > NamedViews::kMostViews) names.resize(NamedViews::kMostViews);
+  return names;
+}
+
 SavedView viewOf(const OutputFiles::Sight& sight) {
   return {sight.opened != nullptr ? sight.opened->source : std::string(), sight.state};
 }
 
 }  // namespace
+
+std::string viewsFolderOf(const std::string& source) {
+  const std::string folder = stemOf(source) + ".views";
+  if (isRemotePath(source) || !isPresent(source)) return folder;
+  fs::path volume = absolutePath(source);
+  if (!volume.has_filename()) volume = volume.parent_path();
+  return (volume.parent_path() / folder).string();
+}
+
+std::string badViewName(const std::string& name) {
+  constexpr std::size_t kMostBytes = 100;
+  if (name.empty()) return "a view needs a name";
+  if (name.size() > kMostBytes) return "this name is too long; take a shorter one";
+  const bool is_file = name.front() != '.' && name.find('/') == std::string::npos &&
+                       std::none_of(name.begin(), name.end(), [](char letter) {
+                         return static_cast<unsigned char>(letter) < ' ';
+                       });
+  return is_file ? "" : "the name becomes that of a file: leave out '/' and a '.' in front";
+}
+
+NamedViews::NamedViews() : lister_(viewsIn) {}
+
+void NamedViews::open(const std::string& folder) {
+  if (folder == folder_) return;
+  folder_ = folder;
+  names_.clear();
+  error_.clear();
+  lister_.request(folder);
+}
+
+void NamedViews::update() {
+  auto outcome = lister_.poll();
+  if (!outcome) return;
+  error_ = outcome->error;
+  if (!outcome->result) return;
+  // Some may have been saved while the folder was read.
+  for (const std::string& name : *outcome->result) add(name);
+}
+
+bool NamedViews::has(const std::string& name) const {
+  return std::binary_search(names_.begin(), names_.end(), name);
+}
+
+std::string NamedViews::freeName() const {
+  for (int number = 1;; ++number) {
+    std::string name = "view " + std::to_string(number);
+    if (!has(name)) return name;
+  }
+}
+
+std::string NamedViews::nextTo(const std::string& name) const {
+  if (names_.empty()) return {};
+  const auto next = std::upper_bound(names_.begin(), names_.end(), name);
+  return next == names_.end() ? names_.front() : *next;
+}
+
+void NamedViews::save(const std::string& name, const SavedView& view) {
+  if (const std::string bad = badViewName(name); !bad.empty()) throw Error(bad);
+  if (const std::error_code failed = makeFolders(folder_))
+    throw Error("cannot make the folder '" + folder_ + "' for views: " + failed.message() +
+                    "; Ctrl+S writes the view into the current folder",
+                {folder_});
+  writeView(pathOf(name), view);
+  add(name);
+}
+
+SavedView NamedViews::read(const std::string& name) const { return readView(pathOf(name)); }
+
+void NamedViews::remove(const std::string& name) {
+  if (const std::error_code failed = removeName(pathOf(name)))
+    throw Error("cannot remove '" + pathOf(name) + "': " + failed.message(), {pathOf(name)});
+  std::erase(names_, name);
+}
+
+std::string NamedViews::pathOf(const std::string& name) const {
+  return (fs::path(folder_) / (name + std::string(kViewEnding))).string();
+}
+
+void NamedViews::add(const std::string& name) {
+  const auto at = std::lower_bound(names_.begin(), names_.end(), name);
+  if (at == names_.end() || *at != name) names_.insert(at, name);
+}
+
+bool PictureQueue::willWrite(const std::string& path) const {
+  return std::any_of(waiting_.begin(), waiting_.end(),
+                     [&](const PictureOrder& order) { return order.path == path; });
+}
+
+std::optional<PictureQueue::Outcome> PictureQueue::update(double seconds, SceneRenderer& renderer,
+                                                          UploadAllowance& allowance) {
+  if (waiting_.empty()) return std::nullopt;
+  std::string error;
+  try {
+    if (!goOn(seconds, renderer, allowance)) return std::nullopt;
+  } catch (const RendererLost&) {
+    throw;
+  } catch (const Error& failure) {
+    error = failure.what();
+  }
+  end();
+  const PictureOrder order = std::move(waiting_.front());
+  waiting_.pop_front();
+  return Outcome{order.path, error, order.must_be};
+}
+
+bool PictureQueue::goOn(double seconds, SceneRenderer& renderer, UploadAllowance& allowance) {
+  const PictureOrder& order = waiting_.front();
+  if (tiles_) {
+    if (tiles_->done()) {
+      tiles_.reset();
+      session_.reset();
+    } else if (writer_->hasRoom()) {
+      if (auto rows = tiles_->drawNext()) writer_->add(std::move(*rows));
+    }
+    return false;
+  }
+  if (writer_) {
+    if (!writer_->done()) return false;
+    writer_->wait();
+    return true;
+  }
+  if (!session_) {
+    SessionOptions options = options_;
+    options.preview_of = order.opened.preview_of;
+    session_ =
+        std::make_unique<ViewSession>(order.opened.file, order.opened.histogram, renderer, options);
+    session_->apply(InputEvent::resized(order.width, order.height), seconds, false);
+    session_->show(order.state);
+  }
+  session_->update(seconds, allowance);
+  if (!session_->settled()) return false;
+  const SessionStatus status = session_->status();
+  if (!status.error.empty()) throw Error(status.error);
+  if (session_->isOverBudget())
+    throw Error(order.path +
+                " is not written: its surfaces need more of the graphics card than those of the "
+                "window leave; allow more ('isobrick view --gpu-memory SIZE'), or draw it alone "
+                "('isobrick render --state')");
+  const bool layers = imageFormatOf(order.path) == ImageFormat::kExr;
+  tiles_.emplace(renderer, pictureSceneOf(*session_, order.width, order.height, layers));
+  writer_ = std::make_unique<PictureWriter>(order.path, tiles_->shape());
+  return false;
+}
+
+void PictureQueue::end() {
+  tiles_.reset();
+  session_.reset();
+  writer_.reset();
+}
+
+void PictureQueue::suspend() {
+  if (session_) session_->suspend();
+  end();
+}
 
 OutputFiles::OutputFiles(std::string state_path, std::string frames_folder,
                          const SessionOptions& options)

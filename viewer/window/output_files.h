@@ -1,20 +1,122 @@
-// The files that the window writes: pictures, meshes, views, tables of measurements.
+// The files that the window writes: pictures, meshes, tables of measurements, views, and those of
+// them that the user gave names to.
 #pragma once
 
+#include <cstddef>
+#include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "isobrick/viewer/picture_writer.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/session/wish_guard.h"
-#include "isobrick/viewer/window/named_views.h"
-#include "isobrick/viewer/window/picture_queue.h"
+#include "isobrick/viewer/state/view_file.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/view_picture.h"
 #include "isobrick/viewer/window/view_target.h"
 
 namespace isobrick {
+
+// The folder for the named views of a volume: "scans/ct.views" for "scans/ct.nii.gz". For a volume
+// that is no file here (a URL, a phantom) it is in the current folder.
+std::string viewsFolderOf(const std::string& source);
+
+// As the name of a view, `name` names a file. Empty: it can; else why not, and what to do.
+std::string badViewName(const std::string& name);
+
+// The views NAME.view.json of one folder: files as those of Ctrl+S, which `isobrick view` and
+// `isobrick render` open with --state. The folder is made for the first view. It is read in the
+// background, since it may be far away; files are written and removed at once. Used by one thread.
+class NamedViews {
+ public:
+  static constexpr std::size_t kMostViews = 200;  // more in a folder are not shown
+
+  NamedViews();
+
+  // Shows the views of this folder, which need not exist.
+  void open(const std::string& folder);
+  void update();
+
+  // In order.
+  const std::vector<std::string>& names() const { return names_; }
+  bool has(const std::string& name) const;
+  // The first of "view 1", "view 2", ... that no view has.
+  std::string freeName() const;
+  // The name of the view after `name`, and after the last one the first; empty: there are none.
+  std::string nextTo(const std::string& name) const;
+  // Of the last reading of the folder; empty: it went well.
+  const std::string& error() const { return error_; }
+
+  // Replaces the view of that name. Throws Error.
+  void save(const std::string& name, const SavedView& view);
+  SavedView read(const std::string& name) const;
+  // Throws Error.
+  void remove(const std::string& name);
+
+  std::string pathOf(const std::string& name) const;
+
+ private:
+  void add(const std::string& name);
+
+  std::string folder_;
+  std::vector<std::string> names_;
+  std::string error_;
+  LatestWorker<std::string, std::vector<std::string>> lister_;
+};
+
+struct PictureOrder {
+  OpenedVolume opened;  // shared until its picture is written
+  ViewState state;
+  int width = 1, height = 1;  // pixels
+  std::string path;
+  bool must_be = false;  // the program ends if it cannot be written
+};
+
+// A picture has surfaces and slices of its own, extracted for its size, beside those of the window,
+// so it is the one that `isobrick render --state` draws, whatever the user does meanwhile. A frame
+// uploads some of them, or draws a tile; a thread writes. Used by the thread of the renderer.
+class PictureQueue {
+ public:
+  struct Outcome {
+    std::string path;
+    std::string error;  // empty: the file is there
+    bool must_be = false;
+  };
+
+  // `options`: of the window's sessions too, with which the pictures share the budget.
+  explicit PictureQueue(const SessionOptions& options) : options_(options) {}
+
+  void add(PictureOrder order) { waiting_.push_back(std::move(order)); }
+  // For each frame, with its time and what it leaves of its allowance. Returns an order that ended.
+  // Throws RendererLost.
+  std::optional<Outcome> update(double seconds, SceneRenderer& renderer,
+                                UploadAllowance& allowance);
+  // Gives back all that the renderer keeps, which may end then; the picture begins again.
+  void suspend();
+
+  // Orders that have not ended.
+  std::size_t unwritten() const { return waiting_.size(); }
+  const std::string& underWay() const { return waiting_.front().path; }
+  double share() const { return tiles_ ? tiles_->share() : writer_ ? 1.0 : 0.0; }
+  bool willWrite(const std::string& path) const;
+
+ private:
+  // True if the first order has ended.
+  bool goOn(double seconds, SceneRenderer& renderer, UploadAllowance& allowance);
+  void end();
+
+  const SessionOptions options_;
+  std::deque<PictureOrder> waiting_;  // the first one is under way
+  std::unique_ptr<ViewSession> session_;
+  std::optional<PictureTiles> tiles_;  // goes before what it draws
+  std::unique_ptr<PictureWriter> writer_;
+};
 
 // Names follow the volume that is shown. A file that cannot be written is told in message(), and
 // the rest goes on; a script's ends the program.
@@ -24,7 +126,6 @@ class OutputFiles {
   // into `frames_folder`. `options`: of the window's sessions.
   OutputFiles(std::string state_path, std::string frames_folder, const SessionOptions& options);
 
-  // The content of a frame.
   struct Sight {
     ViewTarget& target;
     ViewSession* session = nullptr;        // null: nothing is open
@@ -59,10 +160,8 @@ class OutputFiles {
   // Of the last mesh; empty: it went well.
   const std::string& meshError() const { return mesh_error_; }
 
-  // Those that the user gave names to.
   const NamedViews& views() const { return views_; }
 
-  // The last result, for the user.
   const std::string& message() const { return message_; }
   void say(std::string message) { message_ = std::move(message); }
 

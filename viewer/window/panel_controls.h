@@ -12,15 +12,15 @@ namespace isobrick {
 void isovalueControls(ViewSession& session, float scale);
 // How fine the surfaces are and where: focus, curvature, pixels; and how that is seen.
 void detailControls(ViewSession& session);
-// Clip planes.
 void cutControls(ViewSession& session, float scale);
-// Colours, light and what else is drawn.
 void appearanceControls(ViewSession& session, float scale);
 
 // The pieces of the active surface, and which of them are shown.
 void pieceControls(ViewSession& session, float scale);
 
-// Distances, angles and measured pieces.
 Wishes measureControls(ViewSession& session);
+
+// All of them.
+Wishes buildControls(ViewSession& session, float scale);
 
 }  // namespace isobrick

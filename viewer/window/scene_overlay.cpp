@@ -29,7 +29,6 @@ const char* nameOf(AxisView view) {
   return "";
 }
 
-// The scene's picture in the window.
 struct Place {
   ImVec2 corner;  // the upper left one, pixels of the window
   ImVec2 size;
@@ -66,9 +65,9 @@ void scaleBar(const ViewSession& session, float scale, const Place& place) {
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
   constexpr ImU32 kInk = IM_COL32(235, 235, 235, 255);
   plate(list, {begin.x, end.y - 20.0f * scale}, {end.x, end.y + 5.0f * scale}, scale);
-  list.AddLine({end.x - pixels, end.y}, end, kInk, 2.0f * scale);
-  for (const float x : {end.x - pixels, end.x})
-    list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, kInk, 2.0f * scale);
+  const Place in_window{{0.0f, 0.0f}, size};
+  for (const NoteStroke& stroke : strokesOf(bar, {end.x, end.y}, 4.0 * static_cast<double>(scale)))
+    list.AddLine(in_window(stroke.from), in_window(stroke.to), kInk, 2.0f * scale);
   list.AddText({begin.x, end.y - 20.0f * scale}, kInk, label.c_str());
 }
 
@@ -130,34 +129,29 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
   const PlacedCamera camera = placeCamera(session.state().camera, interaction.aspect());
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
   constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255);
-  const auto draw = [&](const std::vector<glm::dvec3>& points, const std::string& text,
-                        const std::optional<glm::dvec2>& next) {
-    PixelPath path = pathOf(camera, interaction.size, points);
-    if (path.points.empty()) return;
-    if (next) path.lines.push_back({path.points.back(), *next});
-    for (const auto& [width, ink] : {std::pair{4.0f, kPlate}, std::pair{2.0f, kInk}}) {
-      for (const auto& [from, to] : path.lines)
-        list.AddLine(place(from), place(to), ink, width * scale);
-      for (const glm::dvec2& pixel : path.points)
-        list.AddCircleFilled(place(pixel), (2.0f + width) * scale, ink);
-    }
-    if (text.empty()) return;
-    const ImVec2 last = place(path.points.back());
+  const auto draw = [&](const PictureMark& mark, const std::optional<glm::dvec2>& next) {
+    std::vector<NoteStroke> strokes = strokesOf(mark.points, camera, interaction.size);
+    if (strokes.empty()) return;
+    const ImVec2 last = place(strokes.back().to);
+    if (next) strokes.push_back({strokes.back().to, *next});
+    for (const auto& [width, ink] : {std::pair{4.0f, kPlate}, std::pair{2.0f, kInk}})
+      for (const NoteStroke& stroke : strokes)
+        if (stroke.isDot())
+          list.AddCircleFilled(place(stroke.from), (2.0f + width) * scale, ink);
+        else
+          list.AddLine(place(stroke.from), place(stroke.to), ink, width * scale);
+    if (mark.text.empty()) return;
     const ImVec2 at{last.x + 8.0f * scale, last.y - 22.0f * scale};
-    const ImVec2 size = ImGui::CalcTextSize(text.c_str());
+    const ImVec2 size = ImGui::CalcTextSize(mark.text.c_str());
     plate(list, at, {at.x + size.x, at.y + size.y}, scale);
-    list.AddText(at, kInk, text.c_str());
+    list.AddText(at, kInk, mark.text.c_str());
   };
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
-  for (const ViewMeasurement& measurement : session.state().measurements)
-    draw(measurement.points, measurementText(measurement, unit), std::nullopt);
-  for (const ViewPieceMeasure& piece : session.state().piece_measures)
-    draw({piece.point}, pieceText(piece, unit), std::nullopt);
+  for (const PictureMark& mark : marksOf(session.state(), unit)) draw(mark, std::nullopt);
   if (interaction.tool != Interaction::Tool::kPiece)
-    draw(interaction.picked, "", interaction.cursor);
+    draw({interaction.picked, ""}, interaction.cursor);
 }
 
-// The box of the piece that is selected.
 void selectedPiece(const ViewSession& session, float scale, const Place& place) {
   const SurfaceComponent* const piece = session.pieces().selectedPiece();
   if (piece == nullptr) return;
@@ -186,7 +180,7 @@ void help(ViewSession& session, float scale) {
     // Narrow windows of a large scale have no room for the longest ones.
     const ImGuiStyle& style = ImGui::GetStyle();
     ImGui::PushTextWrapPos(size.x - 4.0f * style.WindowPadding.x - style.ScrollbarSize);
-    for (const KeyHelp& line : kKeyHelp) {
+    for (const KeyHelp& line : keyHelp()) {
       ImGui::TextColored({1.0f, 0.93f, 0.62f, 1.0f}, "%s", line.keys);
       ImGui::SameLine(230.0f * scale);
       ImGui::TextUnformatted(line.what);

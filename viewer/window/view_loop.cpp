@@ -10,13 +10,13 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/view_file.h"
-#include "isobrick/viewer/window/egl_target.h"
-#include "isobrick/viewer/window/frame_log.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/window/gl_target.h"
 #include "isobrick/viewer/window/gl_window.h"
 #include "isobrick/viewer/window/input_router.h"
 #include "isobrick/viewer/window/open_volumes.h"
@@ -95,7 +95,6 @@ class ViewLoop {
     return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 ||
            !volumes_.shown().settled() || (session() != nullptr && session()->interaction().flying);
   }
-  // True if everything requested is shown.
   bool settled() const { return volumes_.settled() && unwritten() == 0; }
   std::size_t unwritten() const { return files_.unwrittenMeshes() + files_.unwrittenPictures(); }
   ScriptSight whatIsThere() const {

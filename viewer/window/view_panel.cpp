@@ -6,10 +6,8 @@
 #include <algorithm>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/window/panel_keys.h"
-#include "isobrick/viewer/window/panel_style.h"
+#include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
-#include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
 

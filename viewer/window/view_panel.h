@@ -1,6 +1,9 @@
 // The interface over the picture, and the context of Dear ImGui that it is drawn with.
 #pragma once
 
+#include <imgui.h>
+
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -8,25 +11,77 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/session/folder_listing.h"
-#include "isobrick/viewer/session/frame_report.h"
-#include "isobrick/viewer/session/slice_views.h"
+#include "isobrick/viewer/session/plane_set.h"
+#include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
-#include "isobrick/viewer/stream/slice_picture.h"
-#include "isobrick/viewer/window/clipboard.h"
-#include "isobrick/viewer/window/named_views.h"
-#include "isobrick/viewer/window/panel_texture.h"
-#include "isobrick/viewer/window/window_layout.h"
+#include "isobrick/viewer/stream/plane_sampler.h"
+#include "isobrick/viewer/window/output_files.h"
+#include "isobrick/viewer/window/view_target.h"
 
 namespace isobrick {
 
-// Into the window of Dear ImGui that is being built. Applies the user's changes to the session's
-// state. `scale`: pixels of this screen that are one of an ordinary one.
-Wishes buildControls(ViewSession& session, float scale);
+// In pixels of an ordinary screen.
+inline constexpr double kPanelWidth = 330.0;
+inline constexpr double kStatusHeight = 28.0;  // of the line at the foot
+
+// The scene, in pixels of the window from its left and its lower edge.
+struct SceneArea {
+  int left = 0, bottom = 0, width = 0, height = 0;
+};
+
+// The panel's width, pixels; in a small window half is left for the scene.
+inline double panelWidth(double window_width, double scale) {
+  return std::max(1.0, std::min(scale * kPanelWidth, 0.5 * window_width));
+}
+
+// The scene and, if they are shown, the flat views of the slices along x, y and z of the world.
+struct WindowAreas {
+  SceneArea scene;
+  std::array<SceneArea, 3> slices = {};
+};
+
+// Beside the panel, if that is shown, and over the line at the foot; with slices the scene is the
+// upper right quarter, axial, coronal and sagittal slices (across z, y and x) are at the upper
+// left, the lower left and the lower right. Areas are empty if the window is.
+inline WindowAreas windowAreas(int window_width, int window_height, double scale, bool with_panel,
+                               bool with_slices) {
+  WindowAreas areas;
+  SceneArea& all = areas.scene;
+  all.left = with_panel ? static_cast<int>(panelWidth(window_width, scale)) : 0;
+  all.bottom = std::min(static_cast<int>(scale * kStatusHeight), window_height / 2);
+  all.width = std::max(0, window_width - all.left);
+  all.height = std::max(0, window_height - all.bottom);
+  if (!with_slices) return areas;
+  const int gap = std::max(1, static_cast<int>(2.0 * scale));
+  const int width = std::max(0, (all.width - gap) / 2),
+            height = std::max(0, (all.height - gap) / 2);
+  const int right = all.left + all.width - width, top = all.bottom + all.height - height;
+  areas.slices = {SceneArea{right, all.bottom, width, height},
+                  SceneArea{all.left, all.bottom, width, height},
+                  SceneArea{all.left, top, width, height}};
+  areas.scene = {right, top, width, height};
+  return areas;
+}
+
+// A picture on the graphics card, for ImGui::Image(). One at a time on the thread of the current
+// context, which outlives it.
+class PanelTexture {
+ public:
+  // The pixels of a picture that has at least one. Its size may change from call to call.
+  void set(const PictureBytes& picture);
+  ImTextureID id() const;
+  bool isEmpty() const { return width_ == 0; }
+
+ private:
+  GlTexture texture_;
+  int width_ = 0, height_ = 0;
+};
 
 // With Dear ImGui, between its begin and its end of a frame. `hovers`: the cursor is over the
 // scene, which is in `area` of the window.
@@ -74,7 +129,6 @@ class SlicesPanel {
   void build(ViewSession& session, float scale, const std::array<SceneArea, 3>& areas);
 
  private:
-  // What a picture of a slice is made of.
   struct Look {
     std::uint64_t number = 0;  // SliceViews::Shown::number
     std::array<double, 2> window{};
@@ -97,7 +151,6 @@ class SlicesPanel {
   bool has_drawn_ = false;  // a picture in this frame
 };
 
-// The facts of the panel beside the session.
 struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
   std::string message;                   // the last result: a file that was written

@@ -7,9 +7,17 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/state/input_event.h"
-#include "isobrick/viewer/window/clipboard.h"
 
 namespace isobrick {
+
+class Clipboard {
+ public:
+  virtual ~Clipboard() = default;
+
+  // UTF-8; empty if there is no text.
+  virtual std::string clipboardText() = 0;
+  virtual void setClipboardText(const std::string& text) = 0;
+};
 
 // Lives on one thread, on which its context is current all the time.
 class ViewTarget : public Clipboard {
@@ -33,7 +41,6 @@ class ViewTarget : public Clipboard {
   virtual void presentNothing(int width, int height) = 0;
   // The picture so far, panels included: 8 bits, sRGB.
   virtual Image screen(int width, int height) = 0;
-  // Shows the picture.
   virtual void show() = 0;
 };
 

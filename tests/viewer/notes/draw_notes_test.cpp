@@ -7,8 +7,6 @@
 #include <cmath>
 #include <limits>
 
-#include "isobrick/viewer/notes/picture_canvas.h"
-
 namespace isobrick {
 namespace {
 

@@ -1,6 +1,4 @@
 // Which of a machine's displays draws, and how a user chooses another one.
-#include "isobrick/viewer/egl_places.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdlib>

@@ -1,10 +1,10 @@
-#include "isobrick/viewer/render/free_runs.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <random>
 #include <vector>
+
+#include "isobrick/viewer/render/gl_chunks.h"
 
 namespace isobrick {
 namespace {

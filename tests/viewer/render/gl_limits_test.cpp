@@ -1,12 +1,11 @@
 // What is drawn by a card that can do less than usual.
-#include "isobrick/viewer/render/gl_limits.h"
-
 #include <gtest/gtest.h>
 
 #include <memory>
 #include <string>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "tests/support/gl_test.h"
 

@@ -1,11 +1,10 @@
 // The ring's places, with fences that pass when a test says so.
-#include "isobrick/viewer/render/upload_ring.h"
-
 #include <gtest/gtest.h>
 
 #include <memory>
 #include <vector>
 
+#include "isobrick/viewer/render/gl_chunks.h"
 #include "tests/support/random_numbers.h"
 
 namespace isobrick {

@@ -11,6 +11,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/picture_similarity.h"
@@ -23,6 +24,15 @@ namespace isobrick {
 namespace {
 
 constexpr int kWidth = 160, kHeight = 120;
+
+Image pictureOf(const std::shared_ptr<const Pyramid>& pyramid, const ViewState& state,
+                int threads) {
+  Image picture;
+  OffscreenRenderer renderer;
+  renderer.drawViews(pyramid, {&state, 1}, {kWidth, kHeight, threads, false}, CancelFlag(),
+                     [&](ViewRows rows) { appendRows(rows.rows, picture); });
+  return picture;
+}
 
 // ISOBRICK_WRITE_GOLDEN=1 writes them anew, to be looked at before they are kept.
 TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
@@ -94,12 +104,11 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
   components.pictures = {false, 1, false, false, true};
 
   const std::string golden = std::string(test::goldenFolder()) + "/pictures/";
-  const CancelFlag never;
   std::vector<PictureBytes> drawn;
   for (const auto& [name, state] : views) {
     Image image;
     try {
-      image = drawView(pyramid, state, {kWidth, kHeight, 2, false}, never).image;
+      image = pictureOf(pyramid, state, 2);
     } catch (const Error& error) {
       SKIP_UNLESS_REQUIRED(error.what());
     }
@@ -127,12 +136,10 @@ TEST(GoldenPicturesTest, PiecesAreKnownInEveryPicture) {
   state.focus.everywhere = true;
   state.show_box = false;
   state.coloring = ViewColoring::kComponent;
-  const CancelFlag never;
   std::vector<PictureBytes> drawn;
   for (const int threads : {1, 2, 3}) {
     try {
-      drawn.push_back(
-          test::bytesOf(drawView(pyramid, state, {kWidth, kHeight, threads, false}, never).image));
+      drawn.push_back(test::bytesOf(pictureOf(pyramid, state, threads)));
     } catch (const Error& error) {
       SKIP_UNLESS_REQUIRED(error.what());
     }

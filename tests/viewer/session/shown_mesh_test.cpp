@@ -1,6 +1,4 @@
 // At any moment, whatever the user does, the mesh on the screen is closed.
-#include "isobrick/viewer/session/shown_mesh.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include <thread>
 
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/viewer/session/drawn_scene.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/keeping_renderer.h"

@@ -1,12 +1,11 @@
 // The flat views: which values they show, and how they follow a slice that moves.
-#include "isobrick/viewer/session/slice_views.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <optional>
 #include <thread>
 
+#include "isobrick/viewer/session/plane_set.h"
 #include "tests/support/field_pyramid.h"
 
 namespace isobrick {

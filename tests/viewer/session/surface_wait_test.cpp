@@ -1,7 +1,7 @@
 // What the age of a surface divides into.
-#include "isobrick/viewer/session/surface_wait.h"
-
 #include <gtest/gtest.h>
+
+#include "isobrick/viewer/session/surface_pace.h"
 
 namespace isobrick {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
-#include "isobrick/viewer/state/view_state_json.h"
+#include "isobrick/viewer/state/view_file.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
 #include "tests/support/random_numbers.h"
@@ -59,11 +59,8 @@ class ViewSessionTest : public ::testing::Test {
   }
   std::uint64_t trianglesOfAll() const {
     CountingSink sink;
-    const ViewState& state = session_->state();
-    return extractIsosurface(*pyramid_,
-                             queryOf(state, session_->volume(), 0,
-                                     wantedRadius(state, session_->volume()), 100.0),
-                             sink)
+    const SurfaceWish wish = wishOf(session_->state(), session_->volume(), 100.0);
+    return extractIsosurface(*pyramid_, queryOf(wish, session_->volume(), 0, wish.radius), sink)
         .triangles;
   }
   std::uint64_t trianglesShown() const {

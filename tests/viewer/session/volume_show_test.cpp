@@ -1,6 +1,4 @@
 // Previews while a volume is built, and the volume after them, in the order that a test wants.
-#include "isobrick/viewer/session/volume_show.h"
-
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -8,6 +6,7 @@
 #include <glm/geometric.hpp>
 #include <thread>
 
+#include "isobrick/viewer/session/view_session.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/keeping_renderer.h"
 #include "tests/support/ply_reader.h"

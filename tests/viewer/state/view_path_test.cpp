@@ -1,10 +1,10 @@
 // Views all around, and on the way from one to another.
-#include "isobrick/viewer/state/view_path.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <glm/geometric.hpp>
+
+#include "isobrick/viewer/state/view_history.h"
 
 namespace isobrick {
 namespace {

@@ -1,11 +1,10 @@
 // A choice among pieces, and measures of pieces, in a view.
-#include "isobrick/viewer/state/view_pieces.h"
-
 #include <gtest/gtest.h>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/state/measurement.h"
+#include "isobrick/viewer/state/view_file.h"
 #include "isobrick/viewer/state/view_state.h"
-#include "isobrick/viewer/state/view_state_json.h"
 
 namespace isobrick {
 namespace {
@@ -33,8 +32,7 @@ TEST(ViewPiecesTest, AreAPartOfTheSavedView) {
   EXPECT_EQ(viewStateFromJson(viewStateToJson(state)), state);
   ViewState other = state;
   other.surfaces[0].pieces.keep[0].point.x = 9;
-  EXPECT_FALSE(asksForTheSame(state, other));
-  EXPECT_FALSE(asksForTheSameSurface(state, other, 0));
+  EXPECT_NE(wishOf(state, ViewVolume(), 100.0), wishOf(other, ViewVolume(), 100.0));
 }
 
 TEST(ViewPiecesTest, HostileViewsAreRefused) {

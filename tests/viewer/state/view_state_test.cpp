@@ -8,7 +8,7 @@
 #include <string>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/state/view_state_json.h"
+#include "isobrick/viewer/state/view_file.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -66,7 +66,7 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   const ViewState full = fullState();
   EXPECT_EQ(viewStateFromJson(viewStateToJson(full)), full);
   // No leaf of it is what a new view has, so none was left out above; which fields there are, the
-  // structured bindings of view_state_json.cpp see to.
+  // structured bindings of view_file.cpp see to.
   const auto flat = [](const ViewState& state) {
     return nlohmann::json::parse(viewStateToJson(state)).flatten();
   };
@@ -110,9 +110,10 @@ TEST(ViewStateTest, ColoursByPieceComeBackFromTheirName) {
   // The triangles are those without colours; another kind of value is another request.
   ViewState other = state;
   other.coloring = ViewColoring::kPlain;
-  EXPECT_TRUE(asksForTheSame(state, other));
+  const ViewVolume volume = someVolume();
+  EXPECT_EQ(wishOf(state, volume, 600.0), wishOf(other, volume, 600.0));
   other.coloring = ViewColoring::kGradient;
-  EXPECT_FALSE(asksForTheSame(state, other));
+  EXPECT_NE(wishOf(state, volume, 600.0), wishOf(other, volume, 600.0));
 }
 
 TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
@@ -251,12 +252,12 @@ TEST(ViewStateTest, QueriesFollowTheFocusUpToAllOfTheVolume) {
   const ViewVolume volume = someVolume();
   ViewState state = firstView(volume, 1.0);
   state.surfaces[0].isovalue = 300.0;
-  const Query near = queryOf(state, volume, 0, 5.0, 600.0);
+  const Query near = queryOf(wishOf(state, volume, 600.0), volume, 0, 5.0);
   EXPECT_EQ(near.isovalue, 300.0);
   ASSERT_TRUE(near.focus);
   EXPECT_EQ(near.focus->center, state.focus.center);
   EXPECT_EQ(near.focus->radius, 5.0);
-  EXPECT_FALSE(queryOf(state, volume, 0, volume.diagonal(), 600.0).focus);
+  EXPECT_FALSE(queryOf(wishOf(state, volume, 600.0), volume, 0, volume.diagonal()).focus);
   EXPECT_EQ(wantedRadius(state, volume), volume.diagonal());
   state.focus.everywhere = false;
   EXPECT_EQ(wantedRadius(state, volume), state.focus.radius);
@@ -265,9 +266,9 @@ TEST(ViewStateTest, QueriesFollowTheFocusUpToAllOfTheVolume) {
 TEST(ViewStateTest, TheViewAsksForWhatItsPictureShows) {
   const ViewVolume volume = someVolume();
   ViewState state = firstView(volume, 1.0);
-  EXPECT_FALSE(queryOf(state, volume, 0, 5.0, 600.0).view);
+  EXPECT_FALSE(queryOf(wishOf(state, volume, 600.0), volume, 0, 5.0).view);
   state.view_pixels = 2.0;
-  const Query query = queryOf(state, volume, 0, 5.0, 600.0);
+  const Query query = queryOf(wishOf(state, volume, 600.0), volume, 0, 5.0);
   ASSERT_TRUE(query.view);
   EXPECT_EQ(query.view->eye, placeCamera(state.camera, 1.0).eye);
   EXPECT_EQ(query.view->pixels, 2.0);
@@ -276,19 +277,21 @@ TEST(ViewStateTest, TheViewAsksForWhatItsPictureShows) {
   // Then, and only then, the camera asks for other triangles.
   ViewState turned = state;
   turned.camera = orbited(state.camera, 10.0, 0.0);
-  EXPECT_FALSE(asksForTheSame(state, turned));
+  EXPECT_NE(wishOf(state, volume, 600.0), wishOf(turned, volume, 600.0));
   state.camera.orthographic = true;
   const double height = 2.0 * placeCamera(state.camera, 1.0).half_height;
-  EXPECT_NEAR(*queryOf(state, volume, 0, 5.0, 600.0).view->pixels_per_unit, 600.0 / height, 1e-9);
+  EXPECT_NEAR(*queryOf(wishOf(state, volume, 600.0), volume, 0, 5.0).view->pixels_per_unit,
+              600.0 / height, 1e-9);
 }
 
 TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
+  const ViewVolume volume = someVolume();
   ViewState state = fullState();
   state.view_pixels.reset();
   const auto asks = [&](const auto& change) {
     ViewState other = state;
     change(other);
-    return !asksForTheSame(state, other);
+    return wishOf(state, volume, 600.0) != wishOf(other, volume, 600.0);
   };
   EXPECT_FALSE(asks([](ViewState& s) { s.camera.azimuth += 1.0; }));
   EXPECT_FALSE(asks([](ViewState& s) { s.wireframe = !s.wireframe; }));

@@ -1,10 +1,10 @@
-#include "isobrick/viewer/stream/slice_picture.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 #include <numbers>
+
+#include "isobrick/viewer/stream/plane_sampler.h"
 
 namespace isobrick {
 namespace {

@@ -13,7 +13,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
-#include "isobrick/viewer/session/shown_mesh.h"
+#include "isobrick/viewer/session/drawn_scene.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "tests/support/field_pyramid.h"

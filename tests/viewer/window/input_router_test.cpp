@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/window/egl_target.h"
+#include "isobrick/viewer/window/gl_target.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
 #include "tests/support/requirement.h"

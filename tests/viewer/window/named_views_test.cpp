@@ -1,5 +1,3 @@
-#include "isobrick/viewer/window/named_views.h"
-
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/window/output_files.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick {

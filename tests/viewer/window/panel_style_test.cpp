@@ -1,13 +1,12 @@
 // The panels' colours can be read, and their font has what units and names are written with.
-#include "isobrick/viewer/window/panel_style.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/color_map.h"
+#include "isobrick/viewer/window/panel_tools.h"
 
 namespace isobrick {
 namespace {

@@ -1,6 +1,4 @@
 // Pictures beside the window, with a renderer that draws nothing.
-#include "isobrick/viewer/window/picture_queue.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <glm/geometric.hpp>
 #include <thread>
 
+#include "isobrick/viewer/window/output_files.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
 

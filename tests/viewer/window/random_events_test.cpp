@@ -11,8 +11,8 @@
 #include <glm/geometric.hpp>
 #include <thread>
 
-#include "isobrick/viewer/clock_seconds.h"
-#include "isobrick/viewer/window/egl_target.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/window/gl_target.h"
 #include "isobrick/viewer/window/view_loop.h"
 #include "tests/support/driver_faults.h"
 #include "tests/support/field_pyramid.h"
@@ -37,7 +37,8 @@ bool isFinite(const glm::dvec3& v) {
 // Empty, or what is out of bounds.
 std::string faultOf(const ViewState& state, const ViewVolume& volume) {
   const ViewState tame = bounded(state, volume);
-  if (!asksForTheSame(tame, state)) return "the view asks for what is out of bounds";
+  if (tame.focus != state.focus || wishOf(tame, volume, 100.0) != wishOf(state, volume, 100.0))
+    return "the view asks for what is out of bounds";
   const ViewCamera& camera = state.camera;
   if (!isFinite(camera.pivot) || !std::isfinite(camera.azimuth) ||
       camera.elevation != tame.camera.elevation || camera.distance != tame.camera.distance ||

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "isobrick/viewer/egl_context.h"
-#include "isobrick/viewer/window/egl_target.h"
+#include "isobrick/viewer/window/gl_target.h"
 #include "tests/support/driver_faults.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/offscreen_view.h"

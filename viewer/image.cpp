@@ -1,13 +1,12 @@
+#include "isobrick/viewer/image.h"
+
 #include <cassert>
-#include <cstring>
 #include <string>
-#include <utility>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
-#include "isobrick/viewer/image.h"
-#include "isobrick/viewer/picture_bands.h"
+#include "isobrick/viewer/picture_writer.h"
 
 namespace isobrick {
 
@@ -17,23 +16,6 @@ ImageFormat imageFormatOf(const std::filesystem::path& path) {
     if (extension == known) return format;
   throw Error("cannot write picture " + path.string() + ": unknown extension '" + extension +
               "'; name it .png or .exr");
-}
-
-PictureShape shapeOf(const Image& image) {
-  return {image.width,          image.height,           !image.alpha.empty(),
-          !image.depth.empty(), !image.normals.empty(), image.pixels_per_inch};
-}
-
-std::unique_ptr<BandEncoder> makeBandEncoder(ImageFormat format, const PictureShape& shape,
-                                             WriteAt write) {
-  return format == ImageFormat::kPng ? makePngEncoder(shape, std::move(write))
-                                     : makeExrEncoder(shape, std::move(write));
-}
-
-void MemoryFile::write(const void* data, std::size_t bytes, std::uint64_t offset) {
-  if (bytes == 0) return;
-  if (offset + bytes > bytes_.size()) bytes_.resize(offset + bytes);
-  std::memcpy(bytes_.data() + offset, data, bytes);
 }
 
 std::vector<char> encodeImage(ImageFormat format, const Image& image) {
@@ -47,9 +29,6 @@ std::vector<char> encodeImage(ImageFormat format, const Image& image) {
   encoder->finish();
   return file.take();
 }
-
-std::vector<char> encodePng(const Image& image) { return encodeImage(ImageFormat::kPng, image); }
-std::vector<char> encodeExr(const Image& image) { return encodeImage(ImageFormat::kExr, image); }
 
 void writeImage(const std::filesystem::path& path, const Image& image) {
   const ImageFormat format = imageFormatOf(path);
