@@ -288,6 +288,7 @@ TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
   const ViewVolume volume = someVolume();
   ViewState state = fullState();
   state.view_pixels.reset();
+  state.focus.everywhere = false;
   const auto asks = [&](const auto& change) {
     ViewState other = state;
     change(other);
@@ -302,9 +303,12 @@ TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
   EXPECT_TRUE(asks([](ViewState& s) { s.surfaces.pop_back(); }));
   EXPECT_TRUE(asks([](ViewState& s) { s.surfaces[0].visible = true; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.focus.radius += 1.0; }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.focus.everywhere = true; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.focus.center.x += 1.0; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.curvature_tolerance.reset(); }));
   EXPECT_TRUE(asks([](ViewState& s) { s.view_pixels = 1.0; }));
+  state.focus.everywhere = true;  // then no radius counts
+  EXPECT_FALSE(asks([](ViewState& s) { s.focus.radius += 1.0; }));
 }
 
 }  // namespace
