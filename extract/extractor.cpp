@@ -171,7 +171,7 @@ namespace {
 
 // Distances are tried from the least on, each so many times the one before, in voxels: below the
 // first nothing collapses, above the last nothing more.
-constexpr double kLeast = 1e-3, kMost = 1024, kStep = 4;
+constexpr double kLeastDistance = 1e-3, kGreatestDistance = 1024, kDistanceStep = 4;
 // Between the last distance that is too small and the first that is not.
 constexpr int kMostHalvings = 6;
 // As near as this below the number that is asked for is near enough.
@@ -196,11 +196,11 @@ std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query qu
   if (countAt(std::nullopt) <= triangles) return std::nullopt;
   // More distance may bring more triangles: on flat faces, say, where the least is enough. So the
   // search comes from below, and the least distance that is enough is the best.
-  double low = 0, high = kLeast;
+  double low = 0, high = kLeastDistance;
   std::uint64_t count = countAt(high);
-  while (count > triangles && high < kMost) {
+  while (count > triangles && high < kGreatestDistance) {
     low = high;
-    high *= kStep;
+    high *= kDistanceStep;
     count = countAt(high);
   }
   if (count > triangles)
