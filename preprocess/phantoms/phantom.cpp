@@ -20,7 +20,8 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 
 // In the order of Phantom::Kind.
-constexpr std::array kNames = {"head", "sphere", "torus", "gyroid", "marschner-lobb", "plane"};
+constexpr std::array kPhantomNames = {"head",   "sphere",         "torus",
+                                      "gyroid", "marschner-lobb", "plane"};
 
 using ScaleRow = std::array<PhantomScale, kVoxelTypeCount>;  // in the order of VoxelType
 constexpr ScaleRow kDistanceScale = {{{128, 16}, {0, 16}, {32768, 256}, {0, 256}, {0, 1}}};
@@ -88,9 +89,9 @@ class PhantomSource final : public VolumeSource {
 
 Phantom::Kind Phantom::kindOf(const std::string& name) {
   std::string all;
-  for (std::size_t i = 0; i < kNames.size(); ++i) {
-    if (name == kNames[i]) return static_cast<Kind>(i);
-    all += (i == 0 ? "" : ", ") + std::string(kNames[i]);
+  for (std::size_t i = 0; i < kPhantomNames.size(); ++i) {
+    if (name == kPhantomNames[i]) return static_cast<Kind>(i);
+    all += (i == 0 ? "" : ", ") + std::string(kPhantomNames[i]);
   }
   throw Error("unknown phantom '" + name + "'; choose one of " + all);
 }
@@ -258,7 +259,7 @@ void Phantom::fillRow(const Index3& first, std::int64_t count, void* out) const 
   });
 }
 
-std::vector<std::string> phantomNames() { return {kNames.begin(), kNames.end()}; }
+std::vector<std::string> phantomNames() { return {kPhantomNames.begin(), kPhantomNames.end()}; }
 
 std::unique_ptr<VolumeSource> makePhantomSource(const PhantomSpec& spec) {
   return std::make_unique<PhantomSource>(spec);
