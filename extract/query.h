@@ -93,7 +93,8 @@ struct SurfaceChoice : DetailChoice {
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
   std::optional<SimplifyOptions> simplify;  // none: the surface as it was meshed
-  // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.
+  // Off: every brick and every tile is visited. The mesh is the same (rule 7), perhaps in another
+  // order; for tests.
   bool cull_by_ranges = true;
   bool operator==(const SurfaceChoice&) const = default;
 };
