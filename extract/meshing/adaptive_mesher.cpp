@@ -48,6 +48,18 @@ class BrickVertices {
   EdgeEnd& low() { return queue_.low[queue_.count - 1]; }
   EdgeEnd& high() { return queue_.high[queue_.count - 1]; }
 
+  // The same behind the vertices that there are, of an edge between points of a transition face;
+  // returns its number.
+  std::uint32_t append(int axis, const LatticePoint& low, const LatticePoint& high) {
+    const auto vertex = static_cast<std::uint32_t>(batch_.positions.size());
+    batch_.positions.emplace_back();
+    batch_.normals.emplace_back();
+    put(vertex, axis, low.level, low.sample, high.sample, true);
+    takeEnd(low, this->low());
+    takeEnd(high, this->high());
+    return vertex;
+  }
+
   // Finer leaves touch the edge, whose middle is sample `middle` of `level` along `axis`: keeps the
   // crossing on its side of the value that hangs there. Both ends are filled.
   void keepBeside(int level, int axis, std::int64_t middle) {
@@ -62,17 +74,6 @@ class BrickVertices {
     queue_.most[queue_.count - 1] = bounds.most;
   }
 
-  // The same behind the vertices that there are, of an edge between points of a transition face;
-  // returns its number.
-  std::uint32_t append(int axis, const LatticePoint& low, const LatticePoint& high) {
-    const auto vertex = static_cast<std::uint32_t>(batch_.positions.size());
-    batch_.positions.emplace_back();
-    batch_.normals.emplace_back();
-    put(vertex, axis, low.level, low.sample, high.sample, true);
-    takeEnd(low, this->low());
-    takeEnd(high, this->high());
-    return vertex;
-  }
   void flush() {
     queue_.make(context_.frame, context_.isovalue, batch_.positions.data(), batch_.normals.data());
   }
