@@ -75,7 +75,7 @@ namespace isobrick {
 
 // The version of the meshes that a pyramid and a query give. Raise it with every change after which
 // they are other ones, so that shares of two programs are not merged.
-inline constexpr int kMeshAlgorithm = 2;
+inline constexpr int kMeshAlgorithm = 3;
 
 // A line for each fact; equal texts mean equal surfaces, batch by batch.
 std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice);

@@ -7,6 +7,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <span>
+#include <utility>
 
 #include "isobrick/extract/crossing_grid.h"
 #include "isobrick/extract/sinks/batch_components.h"
@@ -23,6 +24,8 @@ constexpr std::size_t kCandidatesForEach = 2, kFewCandidates = 256;
 // An edge is not tried if its triangles would lie further from the finest ones than this part of
 // the distance, in the mean of squares: it would hardly ever be let through.
 constexpr float kMostMeanSquare = 0.05f;
+// The border is straightened by these parts of the distance, one after the other.
+constexpr std::array kShiftsOfBorder = {1.0f / 64, 1.0f / 16, 1.0f / 4};
 // So many steps lie between looks whether the query was cancelled.
 constexpr std::size_t kBetweenLooks = 1024;
 constexpr std::uint32_t kNone = CornerTable::kNone;
@@ -52,7 +55,10 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
     begin(space, batch);
     addPlanes();
     collapseStars(cancel);
+    findEdges();
     collapseEdges(cancel, batch);
+    for (const float part : kShiftsOfBorder)
+      while (collapseBorders(cancel, batch, part * space.distance)) collapseEdges(cancel, batch);
     reach *= 2;
   } while (narrowAroundCrossings(batch, reach));
   write(batch);
@@ -78,6 +84,8 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
     vertex.position = positionOf(batch.positions[v]);
     vertex.is_fixed = vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed ||
                       narrowings_[v] == kMostNarrowings;
+    vertex.is_border = !vertex.is_shared && table_.ring(v) == CornerTable::Ring::kOpen &&
+                       narrowings_[v] < kMostNarrowings;
     vertex.is_broken = table_.ring(v) == CornerTable::Ring::kBroken;
   }
   normals_.assign(batch.normals.begin(), batch.normals.end());
@@ -147,7 +155,6 @@ void BatchSimplifier::collapseStar(std::uint32_t corner) {
 }
 
 void BatchSimplifier::collapseEdges(const CancelFlag* cancel, const MeshBatch& batch) {
-  findEdges();
   for (;;) {
     ++round_;
     if (cancel != nullptr) cancel->check();
@@ -353,6 +360,87 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
       new_neighbours, [&](std::uint32_t vertex) { return mayBeElsewhere(batch, kept, vertex); });
 }
 
+bool BatchSimplifier::collapseBorders(const CancelFlag* cancel, const MeshBatch& batch,
+                                      float most_shift) {
+  ++round_;
+  bool has_changed = false;
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
+    if (cancel != nullptr && t % kBetweenLooks == 0) cancel->check();
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end && table_.isAlive(t);
+         ++c)
+      if (vertices_[table_.vertex(c)].is_border && table_.right(c) == kNone)
+        has_changed = collapseBorder(c, batch, most_shift) || has_changed;
+  }
+  return has_changed;
+}
+
+// The vertex is moved to the line between its neighbours, which carries all points of its triangles
+// along by a part of that way; then the region is the same with it and without it.
+bool BatchSimplifier::collapseBorder(std::uint32_t corner, const MeshBatch& batch,
+                                     float most_shift) {
+  std::uint32_t last = corner;
+  while (table_.left(last) != kNone) last = table_.left(last);
+  if (last == corner) return false;
+  const std::uint32_t gone = table_.vertex(corner),
+                      first = table_.vertex(CornerTable::next(corner)),
+                      other = table_.vertex(CornerTable::previous(last));
+  if (first == other || vertices_[first].is_broken || vertices_[other].is_broken) return false;
+  const auto sides = [&](std::uint32_t v) { return sidesOf(batch.positions[v], lower_, upper_); };
+  if ((sides(gone) & sides(first) & sides(other)) == 0) return false;
+  const glm::vec3 &from = vertices_[first].position, &at = vertices_[gone].position;
+  const glm::vec3 along = vertices_[other].position - from;
+  const float part = glm::dot(at - from, along) / glm::dot(along, along);
+  if (!(part > 0 && part < 1)) return false;
+  const glm::vec3 place = from + part * along;
+  region_.shift = place - at;
+  if (!(glm::dot(region_.shift, region_.shift) <= most_shift * most_shift)) return false;
+  return becomesNeighbour(corner, batch, part <= 0.5f, place) ||
+         becomesNeighbour(corner, batch, part > 0.5f, place);
+}
+
+bool BatchSimplifier::becomesNeighbour(std::uint32_t corner, const MeshBatch& batch, bool first,
+                                       const glm::vec3& place) {
+  constexpr int kGone = CollapseRegion::kFirstInner, kKept = kGone + 1;
+  if (!region_.findBorder(table_, corner, first) || !keepsBordersApart(batch)) return false;
+  const std::uint32_t gone_vertex = region_.vertices[kGone], kept_vertex = region_.vertices[kKept];
+  Vertex &gone = vertices_[gone_vertex], &kept = vertices_[kept_vertex];
+  const glm::vec3 was = std::exchange(gone.position, place);
+  const bool may_collapse = mayCollapse(kept.position);
+  gone.position = was;
+  if (!may_collapse) return false;
+  Quadric quadric = gone.quadric;
+  quadric.moveCenter(kept.position - gone.position);
+  kept.quadric += quadric;
+  touched_[gone_vertex] = round_;
+  collapseRegion(kept_vertex, voxels_[kept_vertex]);
+  costAgainAround();
+  return true;
+}
+
+// At the border: the vertex that stays has none of its new neighbours yet, here or in another
+// batch.
+bool BatchSimplifier::keepsBordersApart(const MeshBatch& batch) const {
+  const std::uint32_t kept = region_.vertices[CollapseRegion::kFirstInner + 1];
+  const bool is_first = region_.border_point != 0;
+  const std::span new_neighbours =
+      std::span(region_.vertices)
+          .subspan(is_first ? 1 : 0, static_cast<std::size_t>(region_.ring) - 1);
+  const auto isNew = [&](std::uint32_t vertex) {
+    return std::ranges::find(new_neighbours, vertex) != new_neighbours.end();
+  };
+  // Its triangles on either side of the one that vanishes.
+  const std::uint32_t vanishing = region_.corners[region_.triangles - 1];
+  const std::uint32_t at_kept =
+      is_first ? CornerTable::next(vanishing) : CornerTable::previous(vanishing);
+  for (std::uint32_t at = table_.right(at_kept); at != kNone && at != at_kept;
+       at = table_.right(at))
+    if (isNew(table_.vertex(CornerTable::next(at)))) return false;
+  for (std::uint32_t at = table_.left(at_kept); at != kNone && at != at_kept; at = table_.left(at))
+    if (isNew(table_.vertex(CornerTable::previous(at)))) return false;
+  return std::ranges::none_of(
+      new_neighbours, [&](std::uint32_t vertex) { return mayBeElsewhere(batch, kept, vertex); });
+}
+
 bool BatchSimplifier::narrowAroundCrossings(const MeshBatch& batch, float reach) {
   left_.clear();
   for (std::uint32_t t = 0; t < table_.triangles(); ++t)
@@ -369,7 +457,9 @@ bool BatchSimplifier::narrowAroundCrossings(const MeshBatch& batch, float reach)
       upper = glm::max(upper, vertices_[v].position + reach);
     }
     for (std::uint32_t v = 0; v < narrowings_.size(); ++v) {
-      if (vertices_[v].is_fixed || next_narrowings_[v] > narrowings_[v]) continue;
+      if ((vertices_[v].is_fixed && !vertices_[v].is_border) ||
+          next_narrowings_[v] > narrowings_[v])
+        continue;
       const glm::vec3 was = positionOf(batch.positions[v]);
       if (glm::clamp(was, lower, upper) == was) ++next_narrowings_[v];
     }

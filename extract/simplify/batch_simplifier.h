@@ -34,9 +34,10 @@ struct SimplifySpace {
 // least, if it is small (Garland and Heckbert 1997): at first a vertex and its neighbours where the
 // surface is nearly flat, then both ends of an edge, those of the least sum before others. They
 // stay apart if a point might come further from where it was than the distance (DeviationBound).
-// Vertices that other batches have among them, and those at borders, never move, so batches fit
-// each other. If triangles of what is left cross, the batch is simplified again, within less
-// distance around them, and in the end as it was there.
+// Vertices that other batches have among them never move, so batches fit each other. A vertex of
+// the surface's border in a side of the batch's box may become one with its neighbour there. If
+// triangles of what is left cross, the batch is simplified again, within less distance around them,
+// and in the end as it was there.
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
@@ -57,6 +58,7 @@ class BatchSimplifier {
     glm::vec3 position{0.0f};  // in space, from the center
     bool is_shared = false;
     bool is_fixed = false;
+    bool is_border = false;  // fixed, but may become its neighbour on the border
     bool is_broken = false;  // no surface there
     bool was_tried = false;  // as the center of a star
   };
@@ -72,7 +74,8 @@ class BatchSimplifier {
   void collapseStars(const CancelFlag* cancel);
   void collapseStar(std::uint32_t corner);
 
-  // In rounds. A candidate keeps its cost as long as nothing changes at its ends.
+  // In rounds, edges with a cost and those to cost. A candidate keeps its cost as long as nothing
+  // changes at its ends.
   void collapseEdges(const CancelFlag* cancel, const MeshBatch& batch);
   void findEdges();
   void addCandidates();
@@ -80,6 +83,13 @@ class BatchSimplifier {
   void collapseCheapest(const CancelFlag* cancel, const MeshBatch& batch);
   bool collapseEdge(std::uint32_t corner, const MeshBatch& batch);
   void keepUntouched();
+
+  // Vertices of the border, so near to the line between their neighbours there. False if none went.
+  bool collapseBorders(const CancelFlag* cancel, const MeshBatch& batch, float most_shift);
+  // `corner`: of the vertex, in the first triangle of its fan.
+  bool collapseBorder(std::uint32_t corner, const MeshBatch& batch, float most_shift);
+  bool becomesNeighbour(std::uint32_t corner, const MeshBatch& batch, bool first,
+                        const glm::vec3& place);
   // Whether the edge is there and this round has not changed its ends.
   bool isUntouched(const Candidate& edge) const {
     return touched_[edge.gone] != round_ && touched_[edge.kept] != round_;
@@ -103,6 +113,7 @@ class BatchSimplifier {
   }
   bool mayBeElsewhere(const MeshBatch& batch, std::uint32_t a, std::uint32_t b) const;
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
+  bool keepsBordersApart(const MeshBatch& batch) const;
   void write(MeshBatch& batch);
 
   SimplifySpace space_;

@@ -48,6 +48,7 @@ bool CollapseRegion::findEdge(const CornerTable& table, std::uint32_t corner, bo
   const std::uint32_t beyond = table.opposite(CornerTable::previous(corner));
   const std::uint32_t gone_beyond = CornerTable::previous(beyond);
   is_open = end_stays;
+  border_point = -1;
   inner = 2;
   vertices[kGone] = table.vertex(corner);
   vertices[kKept] = table.vertex(at_kept);
@@ -78,8 +79,39 @@ bool CollapseRegion::findEdge(const CornerTable& table, std::uint32_t corner, bo
   return true;
 }
 
+bool CollapseRegion::findBorder(const CornerTable& table, std::uint32_t corner,
+                                bool becomes_first) {
+  constexpr int kGone = kFirstInner, kKept = kGone + 1;
+  std::uint32_t last = corner;
+  while (table.left(last) != CornerTable::kNone) last = table.left(last);
+  is_open = true;
+  inner = 2;
+  vertices[kGone] = table.vertex(corner);
+  vertices[kKept] =
+      table.vertex(becomes_first ? CornerTable::next(corner) : CornerTable::previous(last));
+  ring = 0;
+  addRingPoint(
+      table.vertex(becomes_first ? CornerTable::previous(corner) : CornerTable::next(corner)));
+  const bool fits = becomes_first ? addSides(table, kGone, table.left(corner), CornerTable::kNone)
+                                  : addSides(table, kGone, corner, last);
+  if (!fits || ring < 2) return false;
+  border_point = becomes_first ? ring - 1 : 0;
+  triangles = sides();
+  const int vanishing = triangles;
+  if (becomes_first)
+    addTriangle(kGone, kKept, 0, corner);
+  else
+    addTriangle(kGone, ring - 1, kKept, last);
+  edges = 0;
+  for (int i = 0; i < ring; ++i)
+    if (i != border_point)
+      addEdge(kGone, i, i == 0 ? vanishing : i - 1, i == ring - 1 ? vanishing : i);
+  return true;
+}
+
 bool CollapseRegion::findStar(const CornerTable& table, std::uint32_t corner) {
   is_open = false;
+  border_point = -1;
   inner = 1;
   vertices[kFirstInner] = table.vertex(corner);
   std::uint32_t at = corner;
@@ -135,9 +167,10 @@ bool CollapseRegion::findAroundStar(const CornerTable& table) {
 void CollapseRegion::replace(CornerTable& table, std::uint32_t vertex) const {
   std::uint32_t last = corners[sides() - 1];
   if (is_open) {
-    const std::uint32_t left = corners[sides()], right = corners[sides() + 1];
-    table.join(CornerTable::previous(corners[0]), table.opposite(left));
-    table.join(CornerTable::next(last), table.opposite(right));
+    // At the border there is one of both.
+    const std::uint32_t left = corners[sides()], right = corners[triangles - 1];
+    if (border_point != 0) table.join(CornerTable::previous(corners[0]), table.opposite(left));
+    if (border_point <= 0) table.join(CornerTable::next(last), table.opposite(right));
   }
   for (int i = 0; i < sides(); ++i) {
     const std::uint32_t at = corners[i];

@@ -16,7 +16,7 @@ namespace isobrick {
 // triangle i has ring points i and i + 1 and an inner one, for i below sides(); those that vanish
 // follow. New triangle i has ring points i and i + 1 as well. If the ring is open, the second inner
 // vertex stays where it is: the ring begins and ends beside it, and the triangles on its other side
-// stay as well.
+// stay as well. At the surface's border it begins or ends there.
 //
 // Functions that find a region return false if it would be too large or would leave no surface.
 // Inner vertices must have closed rings of triangles, but for one that stays.
@@ -35,6 +35,10 @@ struct CollapseRegion {
 
   int ring = 0, inner = 0, triangles = 0, edges = 0;  // how many
   bool is_open = false;
+  // Of a vertex of the surface's border: the ring point at the other end of the new side of the
+  // border, on which the vertex lies. Otherwise -1.
+  int border_point = -1;
+  glm::vec3 shift{0.0f};                            // that brought it there; the caller sets it
   std::array<std::uint32_t, kMostPoints> vertices;  // of points
   std::array<Triangle, kMostTriangles> old;         // triangles
   std::array<std::uint32_t, kMostTriangles>
@@ -51,6 +55,9 @@ struct CollapseRegion {
 
   // An edge from the corner's vertex, the first inner one, to that of the next corner.
   bool findEdge(const CornerTable& table, std::uint32_t corner, bool end_stays);
+  // A vertex of the surface's border becomes its first or its last neighbour, counter-clockwise.
+  // `corner`: of the vertex, in the first triangle.
+  bool findBorder(const CornerTable& table, std::uint32_t corner, bool becomes_first);
   // The corner's vertex, the first inner one, and its neighbours; then all that is around them.
   bool findStar(const CornerTable& table, std::uint32_t corner);
   bool findAroundStar(const CornerTable& table);

@@ -116,6 +116,11 @@ bool DeviationBound::locate(const CollapseRegion& region, int point, Inner& inne
   inner.turns[region.ring] = inner.turns[0];
   inner.is_center = x * x + y * y <= kNoLength * kNoLength * squared_extent_;
   if (inner.is_center) return true;
+  if (point == kFirstInner && region.border_point >= 0) {
+    inner.turns[region.border_point] = 0;
+    inner.sector = std::max(region.border_point - 1, 0);
+    return true;
+  }
   int found = 0;
   inner.sector = 0;
   for (int i = 0; i < region.sides(); ++i) {
@@ -190,11 +195,14 @@ bool DeviationBound::moveAlong(const CollapseRegion& region, const CollapseRegio
 bool DeviationBound::findDeviations(const CollapseRegion& region,
                                     std::span<const Deviation> deviations, float most) {
   const Direction direction(normal_);
+  const float shift = region.border_point < 0 ? 0.0f : glm::length(region.shift);
+  const Direction shift_direction(shift > 0 ? region.shift / shift : glm::vec3(0.0f));
   for (int i = 0; i < region.sides(); ++i) {
     Deviation all;
     for (std::uint64_t old = overlap_[i]; old != 0; old &= old - 1)
       all.join(deviations[CornerTable::triangleOf(region.corners[std::countr_zero(old)])]);
     all.extend(direction, least_[i], most_[i]);
+    all.extend(shift_direction, 0, shift);
     if (!(all.squaredLength() <= most * most)) return false;
     new_[i] = all;
   }

@@ -96,6 +96,25 @@ std::string fewValues(const TemporaryFolder& folder, RandomCase& random, std::in
       [&](const glm::dvec3&) { return random.uniform(-1, 1); }, options);
 }
 
+// From border to border: the border's vertices go too, but for its ends in the volume's edges.
+TEST(Simplify, APlaneNeedsTwoTriangles) {
+  const TemporaryFolder folder;
+  for (const glm::dvec3& normal : {glm::dvec3(0.05, 0.11, 1), glm::dvec3(0, 0, 1)}) {
+    const Pyramid pyramid(buildField(folder, Index3(64), [&](const glm::dvec3& p) {
+      return glm::dot(p - glm::dvec3(31.3, 30.7, 31.5), normal);
+    }));
+    Query query;
+    query.simplify = SimplifyOptions{0.1};
+    const IndexedMesh mesh = meshOf(pyramid, query);
+    EXPECT_EQ(mesh.triangles.size(), 6u);
+    const MeshReport report =
+        checkMesh(mesh.positions, mesh.triangles, indexOptions(pyramid.spec().voxels));
+    EXPECT_TRUE(report.ok()) << report.summary();
+    for (const glm::dvec3& p : mesh.positions)
+      for (const int axis : {0, 1}) EXPECT_TRUE(p[axis] == 0 || p[axis] == 63) << p[axis];
+  }
+}
+
 TEST(Simplify, LeavesNoTriangleWithoutArea) {
   for (unsigned seed = 0; seed < 60; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
