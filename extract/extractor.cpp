@@ -49,7 +49,8 @@ struct Extractor::Memory {
     std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
     const PyramidSpec& spec = context.pyramid.spec();
     sink.begin({spec.geometry, spec.voxels, spec.has_missing});
-    meshInOrder(context, bricks, mesh, sink, counts);
+    const std::unique_ptr<GroupSorter> groups = makeGroupSorter(context, sink);
+    meshInOrder(context, bricks, mesh, sink, counts, groups.get());
     context.checkCancel();
     context.throwIfWrittenOver();
     sink.finish();

@@ -18,6 +18,7 @@ struct OnePassSurface::Run {
                    ? std::make_unique<SurfaceJoiner>(*mesh, pyramid.spec().geometry, numbering)
                    : nullptr),
         sink(into == nullptr ? *joiner : *into),
+        groups(makeGroupSorter(*context, sink)),
         bricks(finestBricksOf(pyramid.layout(), query)),
         counts(noCounts(pyramid.lattice().levels())) {}
 
@@ -27,6 +28,7 @@ struct OnePassSurface::Run {
   VertexNumbering numbering;
   const std::unique_ptr<SurfaceJoiner> joiner;
   TriangleSink& sink;
+  const std::unique_ptr<GroupSorter> groups;
   const IndexBox bricks;  // all that will come
   MeshMemory memory;
   std::vector<LevelCounts> counts;
@@ -52,7 +54,7 @@ void OnePassSurface::mesh(const IndexBox& bricks) {
   const auto all = static_cast<double>(run_->bricks.size());
   const double done = run_->bricks_done + static_cast<double>(bricks.size());
   meshInOrder(*run_->context, traverseFinestBricks(*run_->context, bricks), run_->memory,
-              run_->sink, run_->counts, {run_->bricks_done / all, done / all});
+              run_->sink, run_->counts, run_->groups.get(), {run_->bricks_done / all, done / all});
   run_->bricks_done = done;
   run_->context->checkCancel();
 }

@@ -73,7 +73,8 @@ struct DetailChoice {
 
 // Fewer triangles within a distance of the surface that the query gives without it: no point of the
 // result is further from that surface, and no point of that surface is further from the result.
-// Each brick is simplified on its own; vertices that bricks share stay where they are.
+// Each brick is simplified on its own, and on level 0 then cubes of 256 cells as a whole; vertices
+// that others have among them stay where they are.
 struct SimplifyOptions {
   double distance = 0;    // above 0; in voxels of the least spacing, one length along all axes
   bool in_world = false;  // in world units instead

@@ -13,6 +13,7 @@ class MeasuredSink : public TriangleSink {
  public:
   MeasuredSink(TriangleSink& sink, ProgressBar& bar) : sink_(sink), bar_(bar) {}
 
+  bool takesRemains() const override { return sink_.takesRemains(); }
   void prepare(PlacedBatch& placed) override { sink_.prepare(placed); }
   void begin(const MeshFrame& frame) override {
     measure([&] { sink_.begin(frame); });

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <glm/matrix.hpp>
 
 #include "isobrick/extract/paging/read_ahead.h"
+#include "isobrick/extract/session/query_context.h"
 #include "isobrick/storage/isolated_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -27,21 +27,8 @@ std::uint64_t keptBytes(const PlacedBatch& placed) {
 }
 
 std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
-  const std::optional<SimplifyOptions>& options = context.query.simplify;
-  if (!options) return std::nullopt;
-  // The world in units of the least spacing: squares of squares of its own might leave the floats.
-  const glm::dvec3& spacing = context.pyramid.spec().geometry.spacing;
-  const double unit = context.pyramid.spec().geometry.leastSpacing();
-  SimplifySpace space{.distance = static_cast<float>(options->in_world ? options->distance / unit
-                                                                       : options->distance),
-                      .drops_small = options->drop_small};
-  if (spacing == glm::dvec3(unit)) return space;
-  // Turned as the index axes are.
-  const glm::dmat3 to_space(glm::dvec3(spacing.x / unit, 0, 0), glm::dvec3(0, spacing.y / unit, 0),
-                            glm::dvec3(0, 0, spacing.z / unit));
-  space.to_space = to_space;
-  space.to_voxels = glm::inverse(to_space);
-  return space;
+  if (!context.query.simplify) return std::nullopt;
+  return SimplifySpace::of(*context.query.simplify, context.pyramid.spec().geometry);
 }
 
 }  // namespace
@@ -105,14 +92,27 @@ std::optional<JobBoard::Task> JobBoard::taskAtHand() {
     return task;
   }
   const bool is_cancelled = cancel_ != nullptr && cancel_->requested();
-  if (begun_ == jobs_ || is_cancelled || bytes_ > kMostBytes || !ring_.hasIdle())
-    return std::nullopt;
+  if (is_cancelled) return std::nullopt;
+  if (!groups_to_do_.empty()) {
+    Task task = std::move(groups_to_do_.front());
+    groups_to_do_.pop_front();
+    return task;
+  }
+  if (const auto next = groups_done_.find(groups_placed_);
+      !is_placing_ && next != groups_done_.end()) {
+    is_placing_ = true;
+    Task task = std::move(next->second);
+    groups_done_.erase(next);
+    task.step = Step::kPlaceGroup;
+    return task;
+  }
+  if (begun_ == jobs_ || bytes_ > kMostBytes || !ring_.hasIdle()) return std::nullopt;
   return Task{Step::kMesh, {begun_++, ring_.take(), 0}};
 }
 
 bool JobBoard::isAllDone() const {
   const bool is_cancelled = cancel_ != nullptr && cancel_->requested();
-  return placed_ == begun_ && (begun_ == jobs_ || is_cancelled);
+  return placed_ == begun_ && (is_cancelled || (begun_ == jobs_ && groups_placed_ == groups_));
 }
 
 void JobBoard::finish(const Task& task) {
@@ -132,8 +132,35 @@ void JobBoard::finish(const Task& task) {
         bytes_ -= task.job.bytes;
         ring_.giveBack(task.job.batch);
         break;
+      case Step::kSimplifyGroup:
+        bytes_ += task.group->bytes();
+        bytes_ -= task.bytes;
+        groups_done_[task.number] = task;
+        groups_done_[task.number].bytes = task.group->bytes();
+        break;
+      case Step::kPlaceGroup:
+        is_placing_ = false;
+        ++groups_placed_;
+        groups_to_do_.push_front(task);
+        groups_to_do_.front().step = Step::kWriteGroup;
+        break;
+      case Step::kWriteGroup:
+        bytes_ -= task.bytes;
+        break;
       case Step::kEnd:
         break;
+    }
+  }
+  changed_.notify_all();
+}
+
+void JobBoard::add(GroupSorter::Groups groups) {
+  {
+    const std::lock_guard lock(mutex_);
+    for (std::unique_ptr<BatchGroup>& group : groups) {
+      const std::uint64_t bytes = group->bytes();
+      bytes_ += bytes;
+      groups_to_do_.push_back({Step::kSimplifyGroup, {}, groups_++, std::move(group), bytes});
     }
   }
   changed_.notify_all();
@@ -147,13 +174,24 @@ void JobBoard::fail() {
   changed_.notify_all();
 }
 
+bool simplifiesGroups(const Query& query) {
+  return query.simplify && isOfLevelZero(query) && !query.has_brick && !query.is_progressive;
+}
+
+std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const TriangleSink& sink) {
+  if (!simplifiesGroups(context.query) || sink.takesRemains()) return nullptr;
+  return std::make_unique<GroupSorter>(context.pyramid.layout().brickCells());
+}
+
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
-                 TriangleSink& sink, std::vector<LevelCounts>& counts, const WorkPart& part) {
+                 TriangleSink& sink, std::vector<LevelCounts>& counts, GroupSorter* groups,
+                 const WorkPart& part) {
   const int threads = tbb::this_task_arena::max_concurrency();
   JobBoard board(memory.ringOf(kBatchesPerThread * static_cast<std::size_t>(threads)), work.size(),
                  context.query.cancel);
   ReadAhead ahead(context, work);
   const std::optional<SimplifySpace> space = simplifySpace(context);
+  const bool keeps_remains = simplifiesGroups(context.query);
 
   // A sink that waits for tasks of its own must not begin one that waits for this sink.
   const auto give = [](const auto& call) { tbb::this_task_arena::isolate(call); };
@@ -173,8 +211,12 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
         worker.adaptive.mesh(context, work[job.work], batch);
       else
         worker.uniform.mesh(context, work[job.work], batch);
-      if (space) worker.simplifier.simplify(*space, context.query.cancel, batch);
-      if (!batch.triangles.empty()) give([&] { sink.prepare(*job.batch); });
+      if (keeps_remains && job.batch->remains == nullptr)
+        job.batch->remains = std::make_shared<SimplifyRemains>();
+      if (space)
+        worker.simplifier.simplify(*space, context.query.cancel, batch,
+                                   keeps_remains ? job.batch->remains.get() : nullptr);
+      if (!batch.triangles.empty() && groups == nullptr) give([&] { sink.prepare(*job.batch); });
     } catch (const Cancelled&) {
       batch.clear();
     }
@@ -191,19 +233,53 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     LevelCounts& level = counts[static_cast<std::size_t>(item.level)];
     level.cells += batch.cells;
     level.transition_cells += batch.transition_cells;
+    if (groups != nullptr) {
+      board.add(groups->add(*job.batch));
+      return;
+    }
     level.triangles += batch.triangles.size() / 3;
     give([&] { sink.place(*job.batch); });
   };
   const auto write = [&](const JobBoard::Job& job) {
-    if (!job.batch->batch.triangles.empty() && !context.isCancelled())
+    if (!job.batch->batch.triangles.empty() && groups == nullptr && !context.isCancelled())
       give([&] { sink.write(*job.batch); });
   };
+  const auto simplify = [&](BatchGroup& group) {
+    try {
+      memory.workers.local().simplifier.simplifyGroup(*space, context.query.cancel, group);
+      give([&] { sink.prepare(group.placed); });
+    } catch (const Cancelled&) {
+      group.placed.batch.clear();
+    }
+  };
+  const auto placeGroup = [&](BatchGroup& group) {
+    const MeshBatch& batch = group.placed.batch;
+    if (batch.triangles.empty() || context.isCancelled()) return;
+    counts[0].triangles += batch.triangles.size() / 3;
+    give([&] { sink.place(group.placed); });
+  };
+  const auto writeGroup = [&](BatchGroup& group) {
+    if (!group.placed.batch.triangles.empty() && !context.isCancelled())
+      give([&] { sink.write(group.placed); });
+  };
+  // When there is nothing more to place.
+  const auto endGroups = [&] {
+    if (groups != nullptr && part.end == 1) board.add(groups->takeRest());
+  };
+  if (work.empty()) endGroups();
   const auto workOn = [&](int) {
     try {
       for (auto task = board.next(); task.step != JobBoard::Step::kEnd; task = board.next()) {
-        if (task.step == JobBoard::Step::kMesh) mesh(task.job);
-        if (task.step == JobBoard::Step::kPlace) place(task.job);
-        if (task.step == JobBoard::Step::kWrite) write(task.job);
+        using enum JobBoard::Step;
+        if (task.step == kMesh) mesh(task.job);
+        if (task.step == kPlace) {
+          place(task.job);
+          if (task.job.work + 1 == work.size()) endGroups();
+        }
+        if (task.step == kWrite) write(task.job);
+        if (task.step == kSimplifyGroup) simplify(*task.group);
+        if (task.step == kPlaceGroup) placeGroup(*task.group);
+        if (task.step == kWriteGroup) writeGroup(*task.group);
         board.finish(task);
       }
     } catch (...) {

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "isobrick/extract/meshing/adaptive_mesher.h"
 #include "isobrick/extract/meshing/uniform_mesher.h"
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/simplify/batch_group.h"
 #include "isobrick/extract/simplify/batch_simplifier.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
@@ -51,7 +53,8 @@ class BatchRing {
 };
 
 // Decides the next task of a thread: jobs 0, 1, 2, ... are meshed by any threads, placed in their
-// order by one at a time, and written by any.
+// order by one at a time, and written by any. Groups that come up when jobs are placed are
+// simplified, placed and written likewise, in the order in which they came.
 //
 // No job is begun while batches that are meshed and not written yet hold more than kMostBytes; one
 // batch for each thread comes on top. A job that was begun never waits for room, so there is always
@@ -60,7 +63,7 @@ class JobBoard {
  public:
   static constexpr std::uint64_t kMostBytes = std::uint64_t{16} << 20;
 
-  enum class Step { kMesh, kPlace, kWrite, kEnd };
+  enum class Step { kMesh, kPlace, kWrite, kSimplifyGroup, kPlaceGroup, kWriteGroup, kEnd };
   struct Job {
     std::size_t work = 0;
     PlacedBatch* batch = nullptr;
@@ -69,6 +72,9 @@ class JobBoard {
   struct Task {
     Step step = Step::kEnd;
     Job job;
+    std::size_t number = 0;  // of the group
+    std::shared_ptr<BatchGroup> group = nullptr;
+    std::uint64_t bytes = 0;  // that count for the group
   };
 
   // `ring` has as many batches as jobs may be under way; `cancel` may be null. Both outlive it.
@@ -79,6 +85,8 @@ class JobBoard {
   Task next();
   // Reports a task of next() as done.
   void finish(const Task& task);
+  // Before a task is reported as done.
+  void add(GroupSorter::Groups groups);
   // Ends all waiting; no task is given out any more.
   void fail();
 
@@ -95,7 +103,10 @@ class JobBoard {
   bool is_placing_ = false, has_failed_ = false;
   std::vector<std::optional<Job>> meshed_;  // job n in place n % size
   std::deque<Job> to_write_;
-  std::uint64_t bytes_ = 0;  // of batches that are meshed and not written
+  std::deque<Task> groups_to_do_;            // to simplify or to write
+  std::map<std::size_t, Task> groups_done_;  // simplified, by number
+  std::size_t groups_ = 0, groups_placed_ = 0;
+  std::uint64_t bytes_ = 0;  // of batches and groups that are meshed and not written
 };
 
 // The memory that stays from query to query. Serves one query at a time.
@@ -116,12 +127,21 @@ struct WorkPart {
   double at(double share) const { return begin + share * (end - begin); }
 };
 
+// True if what bricks share is simplified too, while they are meshed or later.
+bool simplifiesGroups(const Query& query);
+
+// The groups of a query that simplifies them while it is meshed, or null. With groups the work is
+// in the order of the brick table.
+std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const TriangleSink& sink);
+
 // Meshes all of `work` on the calling TBB arena. Batches with triangles are counted in
 // `counts[level]`, noted as active, and passed to the sink: place() in the order of the work, then
-// write(). Batches are reused, so memory does not grow with the mesh: if the sink is slow, or
-// batches are large, no more are begun. Stops early, without an exception, if the query is
-// cancelled. Rethrows the exceptions of meshers and of the sink.
+// write(). With `groups`, these are passed on in their place, the last ones when `part` ends.
+// Batches are reused, so memory does not grow with the mesh: if the sink is slow, or batches are
+// large, no more are begun. Stops early, without an exception, if the query is cancelled. Rethrows
+// the exceptions of meshers and of the sink.
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
-                 TriangleSink& sink, std::vector<LevelCounts>& counts, const WorkPart& part = {});
+                 TriangleSink& sink, std::vector<LevelCounts>& counts, GroupSorter* groups,
+                 const WorkPart& part = {});
 
 }  // namespace isobrick

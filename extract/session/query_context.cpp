@@ -85,16 +85,18 @@ void checkChoice(const Pyramid& pyramid, const DetailChoice& choice) {
 
 // Level 0 that lies elsewhere has no levels, ranges and parts to choose by.
 void checkIsFinest(const Pyramid& pyramid, const Query& query) {
-  DetailChoice finest;
-  if (query.uniform_level == 0) finest.uniform_level = 0;
-  if (static_cast<const DetailChoice&>(query) == finest && query.or_finer.empty() &&
-      !query.is_progressive)
-    return;
+  if (isOfLevelZero(query) && !query.is_progressive) return;
   throw Error("'" + pyramid.path() + "' has no coarser levels; ask for level 0, or build a pyramid",
               {.path = pyramid.path()});
 }
 
 }  // namespace
+
+bool isOfLevelZero(const SurfaceChoice& choice) {
+  DetailChoice finest;
+  if (choice.uniform_level == 0) finest.uniform_level = 0;
+  return static_cast<const DetailChoice&>(choice) == finest && choice.or_finer.empty();
+}
 
 void checkQuery(const Pyramid& pyramid, const Query& query) {
   if (pyramid.parts().isSupplied()) checkIsFinest(pyramid, query);

@@ -13,6 +13,9 @@ namespace isobrick {
 // other, and if the pyramid lacks what the query needs.
 void checkQuery(const Pyramid& pyramid, const Query& query);
 
+// True if the choice is level 0 everywhere.
+bool isOfLevelZero(const SurfaceChoice& choice);
+
 // The inputs of the workers of one query.
 class QueryContext {
  public:

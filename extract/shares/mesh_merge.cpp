@@ -1,17 +1,21 @@
 // Merging shares: their batches, checked, in the order of the whole surface.
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <deque>
 #include <mutex>
 
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/shares/share_format.h"
+#include "isobrick/extract/simplify/batch_simplifier.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/file_io.h"
 #include "isobrick/storage/stored_grid.h"
@@ -101,7 +105,10 @@ class ShareFile {
            header_.brick_count <= header_.all_bricks - header_.first_brick &&
            header_.batches <= header_.brick_count && header_.identity_bytes <= kMostIdentityBytes &&
            header_.identity_bytes <= size_ - sizeof header_ && isStoredGridSane(header_) &&
-           isUsableGeometry(frame().geometry);
+           isUsableGeometry(frame().geometry) && header_.simplify_in_world <= 1 &&
+           header_.brick_cells <= 256 &&
+           (header_.brick_cells == 0 ||
+            (std::isfinite(header_.simplify_distance) && header_.simplify_distance > 0));
   }
 
   std::string path_;
@@ -138,9 +145,36 @@ struct MergedBatch {
   std::uint64_t offset = 0;
 };
 
+// Numbers that are left of the simplification of a brick. False if it cannot go on from there.
+bool decodeRemains(ArrayReader& arrays, PlacedBatch& placed) {
+  const MeshBatch& batch = placed.batch;
+  if (placed.remains == nullptr) placed.remains = std::make_shared<SimplifyRemains>();
+  auto& [vertices, triangles] = *placed.remains;
+  vertices.resize(batch.positions.size());
+  triangles.resize(batch.triangles.size() / 3);
+  arrays.read(vertices.data(), vertices.size());
+  arrays.read(triangles.data(), triangles.size());
+  const auto isFiniteAll = [](const auto& element) {
+    std::array<float, sizeof element / sizeof(float)> numbers;
+    std::memcpy(numbers.data(), &element, sizeof element);
+    return std::ranges::all_of(numbers, [](float number) { return std::isfinite(number); });
+  };
+  bool is_sane =
+      std::ranges::all_of(vertices, isFiniteAll) && std::ranges::all_of(triangles, isFiniteAll);
+  for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
+    const std::uint32_t a = batch.triangles[i], b = batch.triangles[i + 1],
+                        c = batch.triangles[i + 2];
+    is_sane = is_sane && a != b && b != c && c != a;
+  }
+  std::vector<EdgeKey> keys;
+  for (const MeshBatch::SharedVertex& shared : batch.shared) keys.push_back(shared.key);
+  std::ranges::sort(keys);
+  return is_sane && std::ranges::adjacent_find(keys) == keys.end();
+}
+
 // Fills the batch from its record, whose length was checked. Throws Error if anything in it could
 // lead a sink astray.
-void decode(MergedBatch& merged, const Index3& voxels) {
+void decode(MergedBatch& merged, const Index3& voxels, bool has_remains) {
   BatchRecord record;
   std::memcpy(&record, merged.bytes.data(), sizeof record);
   constexpr std::size_t kChecked = offsetof(BatchRecord, level);
@@ -181,6 +215,7 @@ void decode(MergedBatch& merged, const Index3& voxels) {
     last = shared.vertex;
     batch.shared.push_back({shared.vertex, static_cast<std::uint8_t>(shared.batches), shared.key});
   }
+  if (is_sane && has_remains) is_sane = decodeRemains(arrays, merged.placed);
   if (!is_sane) failDamaged(merged.path, merged.offset);
 }
 
@@ -227,7 +262,8 @@ class ShareList {
       failShare(file.path(), "is of another surface than '" + first.path + "': " +
                                  firstDifference(own, identity) + "; merge shares of one surface");
     const ShareHeader& header = file.header();
-    if (header.of != first.header.of || header.all_bricks != first.header.all_bricks)
+    if (header.of != first.header.of || header.all_bricks != first.header.all_bricks ||
+        header.brick_cells != first.header.brick_cells)
       failShare(file.path(), "is one of " + std::to_string(header.of) + " shares, and '" +
                                  first.path + "' one of " + std::to_string(first.header.of) +
                                  "; merge shares of one division");
@@ -290,7 +326,8 @@ class RecordReader {
     if (left < sizeof record) failDamaged(file_->path(), at_);
     file_->read(at_, &record, sizeof record);
     if (record.bytes > std::min(left, kMostRecordBytes) ||
-        record.bytes != share_format::recordBytes(record.positions, record.indices, record.shared))
+        record.bytes != share_format::recordBytes(record.positions, record.indices, record.shared,
+                                                  file_->header().brick_cells > 0))
       failDamaged(file_->path(), at_);
     merged.bytes.resize(record.bytes);
     file_->read(at_, merged.bytes.data(), record.bytes);
@@ -334,6 +371,10 @@ class RecordReader {
   std::uint64_t all_read_ = 0;
 };
 
+std::size_t batchesAtOnce() {
+  return static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()) + 2;
+}
+
 // Batches that no thread has at the moment.
 class IdleBatches {
  public:
@@ -362,13 +403,12 @@ class IdleBatches {
 
 }  // namespace
 
-MergeReport mergeMeshShares(const std::vector<std::string>& paths, TriangleSink& sink,
-                            const CancelFlag* cancel) {
-  const ShareList list(paths);
+namespace {
+
+// Passes on the batches as they are.
+void mergeBatches(const ShareList& list, TriangleSink& sink, const CancelFlag* cancel) {
   RecordReader reader(list);
-  sink.begin(list.frame());
-  const std::size_t at_once = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()) + 2;
-  IdleBatches idle(at_once);
+  IdleBatches idle(batchesAtOnce());
   using enum tbb::filter_mode;
   const auto read = [&](tbb::flow_control& control) -> MergedBatch* {
     if (cancel != nullptr) cancel->check();
@@ -378,7 +418,7 @@ MergeReport mergeMeshShares(const std::vector<std::string>& paths, TriangleSink&
     return nullptr;
   };
   const auto prepare = [&](MergedBatch* merged) {
-    decode(*merged, list.frame().voxels);
+    decode(*merged, list.frame().voxels, false);
     sink.prepare(merged->placed);
     return merged;
   };
@@ -392,15 +432,82 @@ MergeReport mergeMeshShares(const std::vector<std::string>& paths, TriangleSink&
   };
   // As the loops of storage/isolated_loop.h.
   tbb::task_group_context isolated(tbb::task_group_context::isolated);
-  tbb::parallel_pipeline(at_once,
+  tbb::parallel_pipeline(batchesAtOnce(),
                          tbb::make_filter<void, MergedBatch*>(serial_in_order, read) &
                              tbb::make_filter<MergedBatch*, MergedBatch*>(parallel, prepare) &
                              tbb::make_filter<MergedBatch*, MergedBatch*>(serial_in_order, place) &
                              tbb::make_filter<MergedBatch*, void>(parallel, write),
                          isolated);
+}
+
+// Puts them into groups and simplifies these. Returns the triangles that are left.
+std::uint64_t mergeGroups(const ShareList& list, TriangleSink& sink, const CancelFlag* cancel) {
+  using Group = std::shared_ptr<BatchGroup>;
+  const ShareHeader& header = list.shares().front().header;
+  const SimplifySpace space = SimplifySpace::of(
+      {.distance = header.simplify_distance, .in_world = header.simplify_in_world == 1},
+      list.frame().geometry);
+  RecordReader reader(list);
+  MergedBatch merged;
+  GroupSorter sorter(header.brick_cells);
+  std::deque<Group> whole;
+  bool has_ended = false;
+  std::uint64_t triangles = 0;
+  tbb::enumerable_thread_specific<BatchSimplifier> simplifiers;
+  using enum tbb::filter_mode;
+  const auto read = [&](tbb::flow_control& control) -> Group {
+    while (whole.empty() && !has_ended) {
+      if (cancel != nullptr) cancel->check();
+      has_ended = !reader.read(merged);
+      if (!has_ended) decode(merged, list.frame().voxels, true);
+      for (auto& group : has_ended ? sorter.takeRest() : sorter.add(merged.placed))
+        whole.push_back(std::move(group));
+    }
+    if (whole.empty()) {
+      control.stop();
+      return nullptr;
+    }
+    Group group = std::move(whole.front());
+    whole.pop_front();
+    return group;
+  };
+  const auto simplify = [&](Group group) {
+    simplifiers.local().simplifyGroup(space, cancel, *group);
+    sink.prepare(group->placed);
+    return group;
+  };
+  const auto place = [&](Group group) {
+    triangles += group->placed.batch.triangles.size() / 3;
+    if (!group->placed.batch.triangles.empty()) sink.place(group->placed);
+    return group;
+  };
+  const auto write = [&](const Group& group) {
+    if (!group->placed.batch.triangles.empty()) sink.write(group->placed);
+  };
+  tbb::task_group_context isolated(tbb::task_group_context::isolated);
+  tbb::parallel_pipeline(batchesAtOnce(),
+                         tbb::make_filter<void, Group>(serial_in_order, read) &
+                             tbb::make_filter<Group, Group>(parallel, simplify) &
+                             tbb::make_filter<Group, Group>(serial_in_order, place) &
+                             tbb::make_filter<Group, void>(parallel, write),
+                         isolated);
+  return triangles;
+}
+
+}  // namespace
+
+MergeReport mergeMeshShares(const std::vector<std::string>& paths, TriangleSink& sink,
+                            const CancelFlag* cancel) {
+  const ShareList list(paths);
+  sink.begin(list.frame());
+  std::uint64_t triangles = list.triangles();
+  if (list.shares().front().header.brick_cells > 0)
+    triangles = mergeGroups(list, sink, cancel);
+  else
+    mergeBatches(list, sink, cancel);
   if (cancel != nullptr) cancel->check();
   sink.finish();
-  return {static_cast<std::uint32_t>(list.shares().size()), list.triangles(), list.bytes()};
+  return {static_cast<std::uint32_t>(list.shares().size()), triangles, list.bytes()};
 }
 
 }  // namespace isobrick

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cstring>
 
+#include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/shares/share_format.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
@@ -17,7 +18,7 @@ namespace {
 class MeshShareSink : public MeshFileSink {
  public:
   MeshShareSink(const std::string& path, const ExtractionPlan& plan, const ShareNumber& share,
-                std::string identity, const CancelFlag* cancel)
+                std::int64_t brick_cells, std::string identity, const CancelFlag* cancel)
       : file_(path), identity_(std::move(identity)), cancel_(cancel) {
     const NumberRun run = bricksOf(plan, share);
     header_.number = share.number;
@@ -25,8 +26,13 @@ class MeshShareSink : public MeshFileSink {
     header_.first_brick = run.first;
     header_.brick_count = run.count;
     header_.all_bricks = plan.bricks().size();
+    if (!simplifiesGroups(plan.query())) return;
+    header_.simplify_distance = plan.query().simplify->distance;
+    header_.simplify_in_world = plan.query().simplify->in_world ? 1 : 0;
+    header_.brick_cells = static_cast<std::uint32_t>(brick_cells);
   }
 
+  bool takesRemains() const override { return true; }
   void begin(const MeshFrame& frame) override { storeGrid(frame.voxels, frame.geometry, header_); }
 
   void place(PlacedBatch& placed) override {
@@ -38,7 +44,7 @@ class MeshShareSink : public MeshFileSink {
   }
 
   void write(PlacedBatch& placed) override {
-    encode(placed.batch, placed.bytes);
+    encode(placed, placed.bytes);
     file_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_byte);
   }
 
@@ -58,12 +64,13 @@ class MeshShareSink : public MeshFileSink {
   std::uint64_t vertices() const override { return numbering_.count(); }
 
  private:
-  static std::uint64_t recordBytesOf(const MeshBatch& batch) {
+  std::uint64_t recordBytesOf(const MeshBatch& batch) const {
     return share_format::recordBytes(batch.positions.size(), batch.triangles.size(),
-                                     batch.shared.size());
+                                     batch.shared.size(), header_.brick_cells > 0);
   }
 
-  static void encode(const MeshBatch& batch, std::vector<std::byte>& bytes) {
+  void encode(const PlacedBatch& placed, std::vector<std::byte>& bytes) const {
+    const MeshBatch& batch = placed.batch;
     bytes.resize(recordBytesOf(batch));
     share_format::BatchRecord record = {};
     record.bytes = bytes.size();
@@ -85,6 +92,10 @@ class MeshShareSink : public MeshFileSink {
     for (const std::uint32_t index : batch.triangles) to.put(index);
     for (const MeshBatch::SharedVertex& vertex : batch.shared)
       to.put(share_format::SharedRecord{vertex.vertex, vertex.batches, vertex.key});
+    if (header_.brick_cells > 0) {
+      for (const SimplifyRemains::Vertex& vertex : placed.remains->vertices) to.put(vertex);
+      for (const Deviation& deviation : placed.remains->triangles) to.put(deviation);
+    }
     std::memcpy(bytes.data(), &record, sizeof record);
     constexpr std::size_t kChecked = offsetof(share_format::BatchRecord, level);
     record.checksum = checksum64(bytes.data() + kChecked, bytes.size() - kChecked);
@@ -109,8 +120,8 @@ std::unique_ptr<MeshFileSink> makeMeshShareSink(const std::string& path, const P
                                                 const ExtractionPlan& plan,
                                                 const ShareNumber& share,
                                                 const CancelFlag* cancel) {
-  return std::make_unique<MeshShareSink>(path, plan, share, surfaceIdentity(pyramid, plan.query()),
-                                         cancel);
+  return std::make_unique<MeshShareSink>(path, plan, share, pyramid.layout().brickCells(),
+                                         surfaceIdentity(pyramid, plan.query()), cancel);
 }
 
 }  // namespace isobrick

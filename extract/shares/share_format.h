@@ -1,7 +1,10 @@
 // The file of a share of a mesh, ".isbm", as it lies on disk.
 //
 //   header     (ShareHeader)
-//   batches    (a BatchRecord each, then its positions, normals, triangles and shared vertices)
+//   batches    (a BatchRecord each, then its positions, normals, triangles and shared vertices; of
+//   a
+//              surface that is simplified again when it is merged, remains of vertices and
+//              triangles)
 //   identity   (text: the pyramid and the query)
 //
 // All numbers are little-endian. It is for the merge that follows: another version of isobrick may
@@ -12,13 +15,14 @@
 #include <string>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/simplify/simplify_remains.h"
 #include "isobrick/storage/format.h"  // refuses a big-endian host
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick::share_format {
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'S', 'H', 'A', 'R', 'E'};
-inline constexpr std::uint32_t kVersion = 1;
+inline constexpr std::uint32_t kVersion = 2;
 
 struct Header {
   char magic[8];
@@ -33,12 +37,15 @@ struct Header {
   std::uint64_t dims[3];    // voxels
   double spacing[3];
   double origin[3];
-  double direction[9];  // column-major, as in a pyramid
+  double direction[9];              // column-major, as in a pyramid
+  double simplify_distance;         // SimplifyOptions of the merge
+  std::uint32_t simplify_in_world;  // 0 or 1
+  std::uint32_t brick_cells;        // of the groups of the merge; 0: it simplifies nothing
   std::uint64_t identity_bytes;
   std::uint64_t identity_checksum;  // XXH3-64 of the text
   std::uint64_t header_checksum;    // XXH3-64 of all the bytes before it
 };
-static_assert(sizeof(Header) == 240);
+static_assert(sizeof(Header) == 256);
 
 struct BatchRecord {
   std::uint64_t bytes;     // of the record, this struct and the arrays
@@ -64,9 +71,12 @@ inline constexpr std::uint64_t kVectorBytes = 12;  // a position or a normal: th
 
 // The bytes of a record with these counts.
 constexpr std::uint64_t recordBytes(std::uint64_t positions, std::uint64_t indices,
-                                    std::uint64_t shared) {
+                                    std::uint64_t shared, bool has_remains) {
   return sizeof(BatchRecord) + 2 * kVectorBytes * positions + sizeof(std::uint32_t) * indices +
-         sizeof(SharedRecord) * shared;
+         sizeof(SharedRecord) * shared +
+         (has_remains
+              ? sizeof(SimplifyRemains::Vertex) * positions + sizeof(Deviation) * indices / 3
+              : 0);
 }
 
 }  // namespace isobrick::share_format

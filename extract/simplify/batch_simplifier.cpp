@@ -6,6 +6,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 #include <span>
 #include <utility>
 
@@ -44,24 +45,58 @@ unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::v
 
 }  // namespace
 
+SimplifySpace SimplifySpace::of(const SimplifyOptions& options, const GridGeometry& geometry) {
+  // The world in units of the least spacing: squares of squares of its own might leave the floats.
+  const double unit = geometry.leastSpacing();
+  SimplifySpace space{
+      .distance = static_cast<float>(options.in_world ? options.distance / unit : options.distance),
+      .drops_small = options.drop_small};
+  const glm::dvec3& spacing = geometry.spacing;
+  if (spacing == glm::dvec3(unit)) return space;
+  // Turned as the index axes are.
+  const glm::dmat3 to_space(glm::dvec3(spacing.x / unit, 0, 0), glm::dvec3(0, spacing.y / unit, 0),
+                            glm::dvec3(0, 0, spacing.z / unit));
+  space.to_space = to_space;
+  space.to_voxels = glm::inverse(to_space);
+  return space;
+}
+
 void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* cancel,
-                               MeshBatch& batch) {
+                               MeshBatch& batch, SimplifyRemains* remains) {
   if (space.drops_small) small_.drop(space.to_space, space.distance, batch);
   if (batch.triangles.empty()) return;
+  collapseAll(space, cancel, batch, [&] {
+    addPlanes();
+    collapseStars(cancel);
+    findEdges();
+  });
+  write(batch);
+  if (remains != nullptr) writeRemains(*remains);
+}
+
+void BatchSimplifier::simplifyGroup(const SimplifySpace& space, const CancelFlag* cancel,
+                                    BatchGroup& group) {
+  collapseAll(space, cancel, group.placed.batch, [&] {
+    takeRemains(group.remains);
+    findEdges(&group.is_seam);
+  });
+  write(group.placed.batch);
+}
+
+template <typename Start>
+void BatchSimplifier::collapseAll(const SimplifySpace& space, const CancelFlag* cancel,
+                                  const MeshBatch& batch, const Start& start) {
   narrowings_.assign(batch.positions.size(), 0);
   // What crosses moved less than the distance; less is kept if less is enough.
   float reach = space.distance / 4;
   do {
     begin(space, batch);
-    addPlanes();
-    collapseStars(cancel);
-    findEdges();
+    start();
     collapseEdges(cancel, batch);
     for (const float part : kShiftsOfBorder)
       while (collapseBorders(cancel, batch, part * space.distance)) collapseEdges(cancel, batch);
     reach *= 2;
   } while (narrowAroundCrossings(batch, reach));
-  write(batch);
 }
 
 void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) {
@@ -166,13 +201,16 @@ void BatchSimplifier::collapseEdges(const CancelFlag* cancel, const MeshBatch& b
   }
 }
 
-void BatchSimplifier::findEdges() {
+void BatchSimplifier::findEdges(const std::vector<std::uint8_t>* marks) {
   candidates_.clear();
   to_cost_.clear();
   for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
     if (!table_.isAlive(t)) continue;
     for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
-      if (c < table_.opposite(c)) costAgain(c);
+      if (c < table_.opposite(c) &&
+          (marks == nullptr || (*marks)[table_.vertex(CornerTable::next(c))] != 0 ||
+           (*marks)[table_.vertex(CornerTable::previous(c))] != 0))
+        costAgain(c);
   }
 }
 
@@ -483,6 +521,24 @@ void BatchSimplifier::write(MeshBatch& batch) {
   }
   dropUnusedVertices(batch, numbers_);
   batch.transition_indices = 0;
+}
+
+void BatchSimplifier::writeRemains(SimplifyRemains& remains) const {
+  remains.vertices.clear();
+  for (std::size_t v = 0; v < vertices_.size(); ++v)
+    if (numbers_[v] != kDroppedVertex)
+      remains.vertices.push_back({vertices_[v].quadric, normals_[v]});
+  remains.triangles.clear();
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t)
+    if (table_.isAlive(t)) remains.triangles.push_back(deviations_[t]);
+}
+
+void BatchSimplifier::takeRemains(const SimplifyRemains& remains) {
+  for (std::size_t v = 0; v < vertices_.size(); ++v) {
+    vertices_[v].quadric = remains.vertices[v].quadric;
+    normals_[v] = remains.vertices[v].normal_sum;
+  }
+  deviations_.assign(remains.triangles.begin(), remains.triangles.end());
 }
 
 }  // namespace isobrick

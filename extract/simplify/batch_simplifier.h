@@ -7,7 +7,9 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/self_crossings.h"
+#include "isobrick/extract/simplify/batch_group.h"
 #include "isobrick/extract/simplify/collapse_region.h"
 #include "isobrick/extract/simplify/corner_table.h"
 #include "isobrick/extract/simplify/deviation.h"
@@ -25,6 +27,8 @@ struct SimplifySpace {
   bool drops_small = false;   // components below the distance: see SmallComponents
   glm::mat3 to_space{1.0f};   // from voxels
   glm::mat3 to_voxels{1.0f};  // back
+
+  static SimplifySpace of(const SimplifyOptions& options, const GridGeometry& geometry);
 };
 
 // Simplifies batches one after the other, with memory that goes round. The result depends on the
@@ -44,7 +48,13 @@ class BatchSimplifier {
   // that further from it, but for the rounding of floats and for components that are dropped. The
   // normal of a vertex is the mean of those that became it, by area. Throws Cancelled if that is
   // requested; `cancel` may be null.
-  void simplify(const SimplifySpace& space, const CancelFlag* cancel, MeshBatch& batch);
+  //
+  // If `remains` is not null, it gets what simplifyGroup() takes.
+  void simplify(const SimplifySpace& space, const CancelFlag* cancel, MeshBatch& batch,
+                SimplifyRemains* remains);
+  // The same for simplified bricks together: begins at the vertices that were shared. The distance
+  // is from what the bricks were before they were simplified.
+  void simplifyGroup(const SimplifySpace& space, const CancelFlag* cancel, BatchGroup& group);
 
  private:
   struct Candidate {
@@ -64,6 +74,11 @@ class BatchSimplifier {
   };
   static_assert(sizeof(Vertex) == 64);
 
+  // Until no triangles cross. `start`: gives the vertices what they stand for, and the first edges
+  // their turn.
+  template <typename Start>
+  void collapseAll(const SimplifySpace& space, const CancelFlag* cancel, const MeshBatch& batch,
+                   const Start& start);
   void begin(const SimplifySpace& space, const MeshBatch& batch);
   void addPlanes();
   // Finds triangles that cross each other or have no area, and halves the distance twice for what
@@ -77,7 +92,8 @@ class BatchSimplifier {
   // In rounds, edges with a cost and those to cost. A candidate keeps its cost as long as nothing
   // changes at its ends.
   void collapseEdges(const CancelFlag* cancel, const MeshBatch& batch);
-  void findEdges();
+  // Those that may collapse; if there are marks of vertices, only edges at one that has one.
+  void findEdges(const std::vector<std::uint8_t>* marks = nullptr);
   void addCandidates();
   void sortCandidates();
   void collapseCheapest(const CancelFlag* cancel, const MeshBatch& batch);
@@ -115,6 +131,9 @@ class BatchSimplifier {
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
   bool keepsBordersApart(const MeshBatch& batch) const;
   void write(MeshBatch& batch);
+  // After write().
+  void writeRemains(SimplifyRemains& remains) const;
+  void takeRemains(const SimplifyRemains& remains);
 
   SimplifySpace space_;
   glm::vec3 lower_{0.0f}, upper_{0.0f}, center_{0.0f};  // of the batch, in voxels

@@ -138,6 +138,9 @@ struct KnownVertex {
 // The number of a component that is in no list.
 inline constexpr std::uint32_t kNoComponent = ~std::uint32_t{0};
 
+// What a simplified brick keeps for simplification with its neighbours. Private to extract/.
+struct SimplifyRemains;
+
 // A batch and its place in the mesh, which a sink gives it, with memory that is reused.
 struct PlacedBatch {
   MeshBatch batch;                   // as it was made
@@ -153,6 +156,8 @@ struct PlacedBatch {
   // Of every vertex, the number of its component, or kNoComponent. Filled by a stage before the
   // sink (ComponentFilter, ComponentNumbering); without one of these it has no meaning.
   std::vector<std::uint32_t> components;
+  // Of a brick that is simplified again with its neighbours; otherwise null.
+  std::shared_ptr<SimplifyRemains> remains;
 };
 
 // Receives a mesh. begin() once, then every batch, finish() once. An exception of a sink
@@ -168,6 +173,9 @@ struct PlacedBatch {
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;
+  // True if a simplified surface comes brick by brick, with remains, and the sink or who comes
+  // after it simplifies what bricks share.
+  virtual bool takesRemains() const { return false; }
   // Before the first batch.
   virtual void begin(const MeshFrame&) {}
   // May change the batch.

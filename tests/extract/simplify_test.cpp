@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <string>
@@ -112,6 +113,56 @@ TEST(Simplify, APlaneNeedsTwoTriangles) {
     EXPECT_TRUE(report.ok()) << report.summary();
     for (const glm::dvec3& p : mesh.positions)
       for (const int axis : {0, 1}) EXPECT_TRUE(p[axis] == 0 || p[axis] == 63) << p[axis];
+  }
+}
+
+// The seams of bricks and of cubes of bricks cost next to nothing on flat faces.
+TEST(Simplify, ABlockNeedsFewTriangles) {
+  const TemporaryFolder folder;
+  BuildOptions options;
+  options.brick_cells = 32;
+  const glm::dvec3 middle(70.2, 68.1, 66.4), half(65.3, 63.2, 61.1);
+  const Pyramid pyramid(buildField(
+      folder, Index3(141, 137, 133),
+      [&](const glm::dvec3& p) {
+        const glm::dvec3 inside = half - glm::abs(p - middle);
+        return glm::clamp(std::min({inside.x, inside.y, inside.z}), -1.0, 1.0);
+      },
+      options));
+  const IndexedMesh mesh = meshOf(pyramid, sphereQuery(0.5));
+  const MeshReport report = checkMesh(mesh.positions, mesh.triangles, {});
+  EXPECT_TRUE(report.ok()) << report.summary();
+  EXPECT_LE(report.triangles, 100);
+}
+
+// More than one cube of bricks.
+TEST(Simplify, CubesOfBricksFitEachOther) {
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    RandomCase random(seed);
+    const TemporaryFolder folder;
+    BuildOptions options;
+    options.brick_cells = std::int64_t{16} << (seed % 3);
+    Index3 dims(random.uniform(10, 40), random.uniform(10, 40), random.uniform(10, 40));
+    dims[static_cast<int>(seed % 3)] = random.uniform(260, 600);
+    const double bend = random.real(3, 9);
+    const Pyramid pyramid(buildField(
+        folder, dims,
+        [&](const glm::dvec3& p) {
+          return std::sin(p.x / bend) * std::cos(p.y / bend) +
+                 std::sin(p.y / bend) * std::cos(p.z / bend) +
+                 std::sin(p.z / bend) * std::cos(p.x / bend);
+        },
+        options));
+    const IndexedMesh finest = meshOf(pyramid, sphereQuery(0)),
+                      mesh = meshOf(pyramid, sphereQuery(0.4));
+    const MeshReport report =
+        checkMesh(mesh.positions, mesh.triangles, indexOptions(pyramid.spec().voxels));
+    ASSERT_TRUE(report.ok()) << report.summary();
+    EXPECT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
+    EXPECT_LT(mesh.triangles.size(), finest.triangles.size() / 3);
+    ASSERT_LE(greatestDistance(plainMesh(mesh), plainMesh(finest), dims), 0.4 + 1e-3);
+    ASSERT_LE(greatestDistance(plainMesh(finest), plainMesh(mesh), dims), 0.4 + 1e-3);
   }
 }
 
