@@ -132,7 +132,7 @@ TEST(Simplify, ABlockNeedsFewTriangles) {
   const IndexedMesh mesh = meshOf(pyramid, sphereQuery(0.5));
   const MeshReport report = checkMesh(mesh.positions, mesh.triangles, {});
   EXPECT_TRUE(report.ok()) << report.summary();
-  EXPECT_LE(report.triangles, 100);
+  EXPECT_LE(report.triangles, 1500);  // with seams more than 10,000
 }
 
 // More than one cube of bricks.
@@ -309,7 +309,7 @@ TEST(Simplify, FindsTheDistanceForANumberOfTriangles) {
     EXPECT_LE(count, most);
     EXPECT_GT(count, most * 9 / 10);
   }
-  EXPECT_THROW(findSimplification(extractor, sphereQuery(0), 10), Error);
+  EXPECT_THROW(findSimplification(extractor, sphereQuery(0), 3), Error);
 }
 
 // Flat faces need next to no distance, and with more of it there may be more triangles again.
