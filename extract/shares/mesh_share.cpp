@@ -27,7 +27,10 @@ class MeshShareSink : public MeshFileSink {
     header_.all_bricks = plan.bricks().size();
   }
 
-  void begin(const MeshFrame& frame) override { storeGrid(frame.voxels, frame.geometry, header_); }
+  void begin(const MeshFrame& frame) override {
+    storeGrid(frame.voxels, frame.geometry, header_);
+    header_.inside = static_cast<std::uint32_t>(frame.inside);
+  }
 
   void place(PlacedBatch& placed) override {
     numbering_.place(placed);
