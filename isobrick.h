@@ -15,6 +15,7 @@
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"

@@ -24,6 +24,7 @@ set(isobrick_public_headers
   extract/shares/mesh_share.h
   extract/sinks/component_choice.h
   extract/sinks/indexed_mesh.h
+  extract/sinks/mesh_collection.h
   extract/sinks/mesh_file_sink.h
   extract/sinks/triangle_sink.h
   extract/sinks/surface_components.h

@@ -48,7 +48,7 @@ struct Extractor::Memory {
                             TriangleSink& sink) {
     std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
     const PyramidSpec& spec = context.pyramid.spec();
-    sink.begin({spec.geometry, spec.voxels, spec.has_missing});
+    sink.begin({spec.geometry, spec.voxels, spec.has_missing, context.query.inside});
     const std::unique_ptr<GroupSorter> groups = makeGroupSorter(context, sink);
     meshInOrder(context, bricks, mesh, sink, counts, groups.get());
     context.checkCancel();

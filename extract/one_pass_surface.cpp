@@ -46,7 +46,7 @@ OnePassSurface::OnePassSurface(const Pyramid& pyramid, const Query& query, Surfa
 
 void OnePassSurface::begin() {
   const PyramidSpec& spec = run_->context->pyramid.spec();
-  run_->sink.begin({spec.geometry, spec.voxels});
+  run_->sink.begin({spec.geometry, spec.voxels, false, run_->query.inside});
 }
 OnePassSurface::~OnePassSurface() = default;
 

@@ -44,9 +44,9 @@ class SurfaceMesh {
 
   // In voxels from the origin of the vertex's part.
   std::span<const glm::vec3> positions() const { return {positionData(), vertices_}; }
-  // World, unit, towards lower values.
+  // World, unit, outward: see MeshBatch::normals.
   std::span<const glm::vec3> normals() const { return {normalData(), vertices_}; }
-  // Three vertex numbers each, counter-clockwise seen in the world from the lower values.
+  // Three vertex numbers each, counter-clockwise seen in the world from the outside.
   std::span<const std::uint32_t> triangles() const { return {triangleData(), 3 * triangles_}; }
   // In the order of their vertices and triangles.
   const std::vector<Part>& parts() const { return parts_; }

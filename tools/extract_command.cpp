@@ -30,15 +30,12 @@
 namespace isobrick {
 namespace {
 
-MeshShift parseShift(const std::string& text) {
-  return text == "auto" ? MeshShift() : MeshShift{parsePoint(text)};
-}
-
 ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
                          Extractor& extractor, const PyramidValues* values,
-                         const std::string& output) {
+                         const std::string& output, std::unique_ptr<MeshFileSink> sink_of_all) {
   ProgressBar bar(0, "million triangles");
   ExtractedSurface surface(arguments, pyramid, values, output, bar);
+  if (sink_of_all) surface.writeTo(std::move(sink_of_all));
   Query& query = surface.query();
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
@@ -87,11 +84,15 @@ ExtractResults extract(ExtractArguments& arguments) {
   refuseOutputs(arguments);
   const std::vector<std::string> names = meshNames(arguments);
   Extractor extractor(pyramid);
+  const PyramidValues* const attribute = values ? &*values : nullptr;
+  const auto together = collectionOf(arguments, pyramid, attribute);
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
     results.surfaces.push_back(
-        extractOne(arguments, pyramid, extractor, values ? &*values : nullptr, names[i]));
+        extractOne(arguments, pyramid, extractor, attribute, names[i],
+                   together ? together->add(objectOf(arguments, i)) : nullptr));
   }
+  if (together) together->finish();
   results.pager = pyramid.parts().counters();
   if (isRemotePath(arguments.query.input.pyramid)) results.remote = pyramid.remoteCounters();
   return results;
@@ -125,11 +126,14 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
         "--attribute component looks at the whole surface; leave out --part, or name a file "
         "'./component'");
   if (isShareName(arguments.output))
-    for (const char* const option : {"--attribute", "--shift", "--zlib", "--meshopt"})
+    for (const char* const option :
+         {"--attribute", "--space", "--unit", "--shift", "--together", "--zlib", "--meshopt"})
       if (findOption(command, option)->count() > 0)
         throw UsageError(fmt::format(
             "{} does not go with a share of a mesh, {}; leave it out, or write another format",
             option, kMeshShareEnding));
+  if (!arguments.colors.empty() && arguments.colors.size() != arguments.query.isovalues.size())
+    throw UsageError("--color is wanted once for each isovalue of --iso, in their order");
   refuseTwinIsovalues(arguments.query.isovalues);
   if (isPrecomputedName(arguments.output)) {
     refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
@@ -182,7 +186,7 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
   beginGroup(app, kOutputGroup);
   CLI::Option* const output =
       app.add_option("-o,--output", arguments.output,
-                     "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units; "
+                     "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; "
                      ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
                      "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
                      "isovalues gets a file: mesh-500.ply")
@@ -202,11 +206,16 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                  "(component, _COMPONENT)")
       ->type_name("OTHER|component")
       ->needs(output);
-  addParsedOption(app, "--shift", arguments.shift, parseShift, "X,Y,Z|auto",
-                  "Add this to all positions, in world units, for programs that compute in single "
-                  "precision; 'auto' moves the middle of the volume near the origin. Report and "
-                  "header of the file say it")
-      ->needs(output);
+  addPlacementOptions(app, arguments.placement, output, true);
+  CLI::Option* const together =
+      app.add_flag("--together", arguments.together,
+                   "All isovalues in one file, .glb or .3mf, each an object named by its isovalue")
+          ->needs(output);
+  addRepeatedOption(
+      app, "--color",
+      [&arguments](const std::string& text) { arguments.colors.push_back(parseColor(text)); },
+      "R,G,B", "With --together: colour of the surface, sRGB from 0 to 1; once for each isovalue")
+      ->needs(together);
   app.add_flag("--zlib", arguments.zlib, "Pack .vtp with zlib")->needs(output);
   app.add_flag("--meshopt", arguments.meshopt,
                "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "

@@ -78,8 +78,10 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
   json["isovalue"] = result.isovalue;
   if (results.part) json["part"] = {{"number", results.part->number}, {"of", results.part->of}};
   if (result.simplify) json["simplify"] = result.simplify->distance;
-  if (result.shift != glm::dvec3(0.0))
-    json["shift"] = {result.shift.x, result.shift.y, result.shift.z};
+  const auto& [space, mesh_unit, shift] = result.placement;
+  if (space != MeshSpace::kLps) json["space"] = space == MeshSpace::kRas ? "RAS" : "index";
+  if (!mesh_unit.empty()) json["unit"] = mesh_unit;
+  if (shift != glm::dvec3(0.0)) json["shift"] = {shift.x, shift.y, shift.z};
   if (result.components) {
     json["components"] = jsonOfComponents(*result.components);
     json["components_kept"] = std::ranges::count(result.is_kept, 1);
@@ -121,8 +123,8 @@ void printSummary(const ExtractResult& result, LengthUnit unit) {
   if (result.missing_voxels > 0)
     fmt::print("  open beside voxels without data, of which the volume has {}\n",
                countText(result.missing_voxels));
-  if (result.shift != glm::dvec3(0.0))
-    fmt::print("  shifted by {},{},{}\n", result.shift.x, result.shift.y, result.shift.z);
+  const glm::dvec3& shift = result.placement.shift;
+  if (shift != glm::dvec3(0.0)) fmt::print("  shifted by {},{},{}\n", shift.x, shift.y, shift.z);
   for (const LevelCounts& counts : report.levels)
     fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
                counts.level, countText(counts.triangles), countText(counts.cells),

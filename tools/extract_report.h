@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/storage/brick_pager.h"
 #include "isobrick/storage/remote_options.h"
@@ -24,8 +25,8 @@ struct ExtractResult {
   std::string output;  // empty: counted only
   double isovalue = 0;
   std::optional<SimplifyOptions> simplify;
-  bool is_finest = true;  // level 0 everywhere
-  glm::dvec3 shift{0.0};  // of the file, world units
+  bool is_finest = true;    // level 0 everywhere
+  MeshPlacement placement;  // of the file
   std::optional<SurfaceComponents> components;
   std::vector<std::uint8_t> is_kept;  // of each of the components, 0 or 1
   std::string ranked_by;              // of --keep-largest: "volume" or "area"

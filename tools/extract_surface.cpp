@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
-#include <glm/common.hpp>
 
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/storage/lowercase.h"
@@ -20,21 +18,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The middle of the volume to the origin, in steps of the decimal places that its extent has: the
-// numbers stay short.
-glm::dvec3 shiftToOrigin(const Pyramid& pyramid) {
+MeshFileOptions fileOptionsOf(const ExtractArguments& arguments, const Pyramid& pyramid,
+                              const PyramidValues* values) {
   const PyramidSpec& spec = pyramid.spec();
-  const auto corners = worldCorners(spec.geometry, spec.voxels);
-  glm::dvec3 lower = corners[0], upper = lower;
-  for (const glm::dvec3& corner : corners) {
-    lower = glm::min(lower, corner);
-    upper = glm::max(upper, corner);
-  }
-  const glm::dvec3 extent = upper - lower;
-  const double step =
-      std::pow(10, std::floor(std::log10(std::max({extent.x, extent.y, extent.z}))));
-  // Not -0.
-  return -step * glm::round((lower + upper) / (2 * step)) + 0.0;
+  return {.cancel = &interruptFlag(),
+          .values = values,
+          .components = arguments.number_components,
+          .placement = placementOf(arguments.placement, spec.geometry, spec.voxels),
+          .zlib = arguments.zlib,
+          .meshopt = arguments.meshopt};
 }
 
 // The surface is there, and nothing of it is asked for.
@@ -56,7 +48,7 @@ void warnOfEmptyChoice(const ExtractArguments& arguments, const ExtractResult& r
 
 std::vector<std::string> meshNames(const ExtractArguments& arguments) {
   const std::vector<std::optional<double>>& isovalues = arguments.query.isovalues;
-  if (arguments.output.empty() || isovalues.size() == 1)
+  if (arguments.output.empty() || isovalues.size() == 1 || arguments.together)
     return std::vector<std::string>(isovalues.size(), arguments.output);
   const fs::path output = arguments.output;
   std::vector<std::string> names;
@@ -80,6 +72,19 @@ void refuseOutputs(const ExtractArguments& arguments) {
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
 
+std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
+                                             const Pyramid& pyramid, const PyramidValues* values) {
+  if (!arguments.together) return nullptr;
+  return makeMeshCollection(arguments.output, fileOptionsOf(arguments, pyramid, values));
+}
+
+MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface) {
+  MeshObject object;
+  object.name = fmt::format("isovalue {}", *arguments.query.isovalues[surface]);
+  if (!arguments.colors.empty()) object.color = arguments.colors[surface];
+  return object;
+}
+
 ExtractedSurface::ExtractedSurface(const ExtractArguments& arguments, const Pyramid& pyramid,
                                    const PyramidValues* values, std::string output,
                                    ProgressBar& bar)
@@ -96,7 +101,7 @@ ExtractedSurface::ExtractedSurface(const ExtractArguments& arguments, const Pyra
   result_.output = std::move(output);
   result_.isovalue = isovalue_;
   result_.missing_voxels = pyramid.missingVoxels();
-  if (arguments.shift) result_.shift = arguments.shift->by.value_or(shiftToOrigin(pyramid));
+  result_.placement = fileOptionsOf(arguments, pyramid, values).placement;
   outside_before_ = values != nullptr ? values->outside() : 0;
 }
 
@@ -132,12 +137,7 @@ void ExtractedSurface::endComponents() {
 
 TriangleSink& ExtractedSurface::meshSink(bool to_file) {
   if (to_file && file_sink_ == nullptr && !result_.output.empty())
-    file_sink_ = makeMeshFileSink(result_.output, {.cancel = &interruptFlag(),
-                                                   .values = values_,
-                                                   .components = arguments_.number_components,
-                                                   .shift = result_.shift,
-                                                   .zlib = arguments_.zlib,
-                                                   .meshopt = arguments_.meshopt});
+    file_sink_ = makeMeshFileSink(result_.output, fileOptionsOf(arguments_, pyramid_, values_));
   to_file_ = to_file && file_sink_ != nullptr;
   counting_sink_ = CountingSink();
   TriangleSink& sink =

@@ -11,19 +11,17 @@
 #include <vector>
 
 #include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "tools/extract_report.h"
 #include "tools/measured_sink.h"
+#include "tools/placement_options.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 
 namespace isobrick {
-
-struct MeshShift {
-  std::optional<glm::dvec3> by;  // world units; none: to the origin
-};
 
 struct ExtractArguments {
   QueryOptions query;
@@ -36,7 +34,9 @@ struct ExtractArguments {
   std::optional<std::uint64_t> keep_largest;
   std::optional<double> drop_below;  // area, world units^2
   std::optional<ShareNumber> part;
-  std::optional<MeshShift> shift;
+  PlacementOptions placement;
+  bool together = false;          // all surfaces in one file
+  std::vector<glm::vec3> colors;  // then: of the isovalues, in their order; empty: none
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -45,13 +45,20 @@ struct ExtractArguments {
 };
 
 // Of `isobrick extract -o`: the file of each isovalue, or of several isovalues with the value
-// behind its stem, "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
+// behind its stem, "bone-500.ply" and "bone-1200.ply", unless all go together. Empty for one that
+// is not chosen yet.
 std::vector<std::string> meshNames(const ExtractArguments& arguments);
 // Throws Error if a file is in the way: before the work, so that a path that cannot be written
 // costs no time.
 void refuseOutputs(const ExtractArguments& arguments);
 // True of a share of a mesh, .isbm.
 bool isShareName(const std::string& output);
+
+// The one file of all surfaces, if the user wants it; null: each has its own. `values` may be null.
+std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
+                                             const Pyramid& pyramid, const PyramidValues* values);
+// The surface with this number in it.
+MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface);
 
 // One surface on its way. Passes of the surface go into componentSink(), if wantsComponents(), and
 // then into meshSink(), as often as wanted; each is ended before the next one begins.

@@ -15,6 +15,7 @@
 #include "tools/line_words.h"
 #include "tools/measured_sink.h"
 #include "tools/output_check.h"
+#include "tools/placement_options.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
 
@@ -24,6 +25,7 @@ namespace {
 struct MergeArguments {
   std::vector<std::string> shares;
   std::string output;  // empty: the shares are checked and the mesh is counted
+  PlacementOptions placement;
   bool zlib = false;
   bool meshopt = false;
   bool force = false;
@@ -35,10 +37,12 @@ int runMerge(const MergeArguments& arguments) {
   const Stopwatch watch;
   const std::string& output = arguments.output;
   if (!output.empty()) refuseReplacing({output}, arguments.shares, arguments.force);
-  const auto file_sink = output.empty() ? nullptr
-                                        : makeMeshFileSink(output, {.cancel = &interruptFlag(),
-                                                                    .zlib = arguments.zlib,
-                                                                    .meshopt = arguments.meshopt});
+  const auto file_sink = output.empty()
+                             ? nullptr
+                             : makeMeshFileSink(output, {.cancel = &interruptFlag(),
+                                                         .placement = arguments.placement.placement,
+                                                         .zlib = arguments.zlib,
+                                                         .meshopt = arguments.meshopt});
   CountingSink counting_sink;
   TriangleSink& sink = file_sink ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
   const MergeReport report = runWithThreads(arguments.threads, [&] {
@@ -75,10 +79,11 @@ Command addMergeCommand(CLI::App& app) {
       ->required();
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
-                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, the same bytes as 'extract' "
-                      "writes in one run. Without it the shares are checked and counted")
+                      "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, the same bytes as "
+                      "'extract' writes in one run. Without it the shares are checked and counted")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);
+  addPlacementOptions(*sub, arguments->placement, output, false);
   sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
   sub->add_flag("--meshopt", arguments->meshopt, "Pack .glb with EXT_meshopt_compression")
       ->needs(output);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
@@ -81,10 +82,17 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       app, "--iso",
       [&options, several](const std::string& text) { readIsovalues(options, text, several); },
       several ? "V,..." : "V",
-      "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
+      "Isovalue; values of at least V are inside (see --inside). 'auto' is the first one that "
+      "`isobrick info` "
       "suggests" +
           std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""))
       ->required();
+  const Choices<std::optional<InsideOf>> sides = {
+      {"above", InsideOf::kAbove}, {"below", InsideOf::kBelow}, {"auto", std::nullopt}};
+  addChoiceOption(app, "--inside", options.inside, sides, "above|below|auto",
+                  "Where the object is: values of at least the isovalue (default), or those below "
+                  "it. Normals look away from it. 'auto': below for a level set of OpenVDB, else "
+                  "above");
   beginGroup(app, kDetailGroup);
   addChoiceOptions(app, options.choice);
   addRepeatedOption(
@@ -182,10 +190,21 @@ void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {
   if (!options.isovalues.empty()) options.isovalue = *options.isovalues.front();
 }
 
+InsideOf insideOfClass(const std::string& vdb_class) {
+  return vdb_class == "level set" ? InsideOf::kBelow : InsideOf::kAbove;
+}
+
+InsideOf insideOf(const QueryOptions& options, const Pyramid& pyramid) {
+  if (options.inside) return *options.inside;
+  const nlohmann::json provenance = parseShallowJson(pyramid.provenance());
+  return insideOfClass(textOf(member(member(provenance, "properties"), "vdb.class")));
+}
+
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   const GridGeometry& geometry = pyramid.spec().geometry;
   Query query;
   query.isovalue = options.isovalue;
+  query.inside = insideOf(options, pyramid);
   static_cast<DetailChoice&>(query) = makeChoice(options.choice, options.world, pyramid);
   for (const ChoiceOptions& choice : options.or_finer)
     query.or_finer.push_back(makeChoice(choice, options.world, pyramid));

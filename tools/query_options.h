@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/query.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/choice_options.h"
 #include "tools/parse_text.h"
@@ -19,6 +20,7 @@ struct QueryOptions {
   VolumeInput input;
   double isovalue = 0;                           // the first one, or the one of makeQuery()
   std::vector<std::optional<double>> isovalues;  // all; nothing: 'auto', until chooseIsovalues()
+  std::optional<InsideOf> inside = InsideOf::kAbove;  // none: as the volume says
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
@@ -58,6 +60,12 @@ void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid);
 
 // Throws UsageError if an isovalue is given twice.
 void refuseTwinIsovalues(std::vector<std::optional<double>> isovalues);
+
+// The side of the object in a volume with this "vdb.class" among its VolumeInfo::properties: a
+// level set is negative inside.
+InsideOf insideOfClass(const std::string& vdb_class);
+// The side of the object: for 'auto' what the pyramid's source said of itself.
+InsideOf insideOf(const QueryOptions& options, const Pyramid& pyramid);
 
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);

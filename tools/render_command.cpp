@@ -3,8 +3,10 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <memory>
 #include <numbers>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,6 +38,7 @@ struct RenderArguments {
   std::optional<double> pixels_per_inch;
   PixelSize size;  // both together
   ViewState view;  // without --state
+  PictureLooks looks;
   bool by_level = false, by_component = false;
   bool show_focus = false;
   bool force = false;
@@ -129,8 +132,9 @@ int runRender(RenderArguments arguments) {
   view.show_box = false;
   view.focus.show_sphere = arguments.show_focus;
   const Stopwatch extract_watch;
-  auto surface = std::make_shared<DrawableSurface>(runWithThreads(
-      arguments.query.threads, [&] { return extractPictureSurface(arguments.query, view); }));
+  auto surface = std::make_shared<DrawableSurface>(runWithThreads(arguments.query.threads, [&] {
+    return extractPictureSurface(arguments.query, arguments.looks, view);
+  }));
   const double extract_seconds = extract_watch.seconds();
 
   const Stopwatch draw_watch;
@@ -164,6 +168,14 @@ int runRender(RenderArguments arguments) {
 void checkArguments(RenderArguments& arguments, bool has_isovalue) {
   const std::size_t states = arguments.states.size();
   if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --state");
+  const std::size_t surfaces = arguments.query.isovalues.size();
+  const auto refuseCount = [&](std::size_t count, const char* option) {
+    if (count != 0 && count != surfaces)
+      throw UsageError(
+          fmt::format("{} is wanted once for each isovalue of --iso, in their order", option));
+  };
+  refuseCount(arguments.looks.colors.size(), "--color");
+  refuseCount(arguments.looks.opacities.size(), "--opacity");
   if (states > 1 && arguments.pictures == 1)
     throw UsageError("several --state are the stops of a path; say how many --pictures it has");
   if (arguments.pictures == 1 && isSequenceName(arguments.output))
@@ -222,8 +234,18 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
   app.add_flag("--legend", view.pictures.legend, "Draw what the colours mean");
   app.add_flag("--show-focus", arguments.show_focus, "Draw the outline of the sphere of interest")
       ->needs(findOption(app, "--focus"));
-  addParsedOption(app, "--color", view.surfaces[0].color, parseColor, "R,G,B",
-                  "Colour of the surface, sRGB from 0 to 1");
+  addRepeatedOption(
+      app, "--color",
+      [&arguments](const std::string& text) { arguments.looks.colors.push_back(parseColor(text)); },
+      "R,G,B", "Colour of the surface, sRGB from 0 to 1; of several, once for each");
+  addRepeatedOption(
+      app, "--opacity",
+      [&arguments](const std::string& text) {
+        const double opacity = parseNumberFrom(text, 0);
+        if (opacity > 1) throw std::invalid_argument("a number from 0 to 1 is wanted");
+        arguments.looks.opacities.push_back(opacity);
+      },
+      "O", "Opacity of the surface, from 0 to 1 (default); of several, once for each");
   addParsedOption(app, "--background-top", view.background_top, parseColor, "R,G,B",
                   "Colour at the upper edge of the picture");
   addParsedOption(app, "--background-bottom", view.background_bottom, parseColor, "R,G,B",
@@ -241,7 +263,13 @@ Command addRenderCommand(CLI::App& app) {
   CLI::App* const sub =
       app.add_subcommand("render", "Draw an isosurface of a pyramid or a volume to a file");
   const auto arguments = std::make_shared<RenderArguments>();
-  addQueryOptions(*sub, arguments->query);
+  addQueryOptions(*sub, arguments->query, true);
+  beginGroup(*sub, kDetailGroup);
+  addSimplifyOption(*sub, arguments->query);
+  addParsedOption(*sub, "--keep-largest", arguments->looks.keep_largest,
+                  integerWithin(1, std::numeric_limits<std::int64_t>::max()), "N",
+                  "Only the N connected pieces that enclose the most, with their cavities, of each "
+                  "surface; with --box, those of the largest area");
   beginGroup(*sub, kOutputGroup);
   sub->add_option("-o,--output", arguments->output,
                   "Output; a picture, .png (8 bits, sRGB) or .exr (half floats, linear); with "
@@ -264,7 +292,8 @@ Command addRenderCommand(CLI::App& app) {
     state->excludes(option);
   sub->footer(R"(
 Example:
-  isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png)");
+  isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png
+  isobrick render head.isb --iso 530,1160 --opacity 0.3 --opacity 1 -o skull.png)");
   return {sub, [arguments, state, isovalue] {
             checkArguments(*arguments, isovalue->count() > 0);
             if (state->count() > 0) return renderStates(*arguments);

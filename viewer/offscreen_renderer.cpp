@@ -126,8 +126,8 @@ void OffscreenRenderer::drawSurface(DrawableSurface surface, std::span<const Vie
     scene.frame.pixel_scale = lineScaleOf(width, height);
     scene.frame.chunks = kept.ids();
     scene.layers = layers;
-    scene.notes = notesOf(state, levels, std::nullopt, surface.volume.geometry.unit,
-                          by_piece ? std::vector{surface.pieces} : std::vector<ColoredPieces>());
+    scene.notes =
+        notesOf(state, levels, std::nullopt, surface.volume.geometry.unit, surface.pieces);
     scene.target_distance = state.camera.distance;
     drawRows(*context_->renderer, std::move(scene), i, surface.triangles, cancel, take);
   }

@@ -38,12 +38,12 @@ struct ViewRows {
   std::uint64_t triangles = 0;  // of the surface
 };
 
-// A surface of any query.
+// Surfaces of any queries. SurfaceChunk::surface is the place in ViewState::surfaces.
 struct DrawableSurface {
   std::vector<SurfaceChunk> chunks;
-  ViewVolume volume;          // its voxels and geometry count
-  ColoredPieces pieces = {};  // if it is coloured by them
-  std::uint64_t triangles = 0;
+  ViewVolume volume;                       // its voxels and geometry count
+  std::vector<ColoredPieces> pieces = {};  // of each, if they are coloured by them
+  std::uint64_t triangles = 0;             // of all
 
   // Calls f(glm::dvec3) for each vertex, world.
   template <typename F>
@@ -76,8 +76,8 @@ class OffscreenRenderer {
   // Throws Error for a damaged brick and sizes that cannot be drawn, and Cancelled.
   void drawViews(std::shared_ptr<const Pyramid> pyramid, std::span<const ViewState> states,
                  const ViewDrawing& drawing, const CancelFlag& cancel, const TakeRows& take);
-  // The same of the first surface of the states, which is not extracted, but this one; without
-  // slices and caps. Of a sphere of interest there is the outline. Chunks are freed once they were
+  // The same of the surfaces of the states, which are not extracted, but these; without slices and
+  // caps. Of a sphere of interest there is the outline. Chunks are freed once they were
   // sent. Throws Error for sizes and fields of view outside their ranges.
   void drawSurface(DrawableSurface surface, std::span<const ViewState> states,
                    const ViewDrawing& drawing, const CancelFlag& cancel, const TakeRows& take);

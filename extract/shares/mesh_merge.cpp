@@ -86,6 +86,7 @@ class ShareFile {
   MeshFrame frame() const {
     MeshFrame frame;
     readGrid(header_, frame.voxels, frame.geometry);
+    frame.inside = static_cast<InsideOf>(header_.inside);
     return frame;
   }
 
@@ -101,7 +102,9 @@ class ShareFile {
  private:
   bool isSane() const {
     return header_.of >= 1 && header_.of <= kMostShares && header_.number >= 1 &&
-           header_.number <= header_.of && header_.first_brick <= header_.all_bricks &&
+           header_.number <= header_.of &&
+           header_.inside <= static_cast<std::uint32_t>(InsideOf::kBelow) &&
+           header_.first_brick <= header_.all_bricks &&
            header_.brick_count <= header_.all_bricks - header_.first_brick &&
            header_.batches <= header_.brick_count && header_.identity_bytes <= kMostIdentityBytes &&
            header_.identity_bytes <= size_ - sizeof header_ && isStoredGridSane(header_) &&

@@ -33,7 +33,10 @@ class MeshShareSink : public MeshFileSink {
   }
 
   bool takesRemains() const override { return true; }
-  void begin(const MeshFrame& frame) override { storeGrid(frame.voxels, frame.geometry, header_); }
+  void begin(const MeshFrame& frame) override {
+    storeGrid(frame.voxels, frame.geometry, header_);
+    header_.inside = static_cast<std::uint32_t>(frame.inside);
+  }
 
   void place(PlacedBatch& placed) override {
     numbering_.place(placed);

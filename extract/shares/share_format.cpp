@@ -68,6 +68,7 @@ std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice)
   lines.addWhole("pyramid", header.header_checksum);
   lines.addWhole("pyramid_bytes", header.file_bytes);
   lines.add("isovalue", {static_cast<double>(pyramid.storedIsovalue(choice.isovalue))});
+  if (choice.inside == InsideOf::kBelow) lines.add("inside_below", {});
   lines.addDetail(choice);
   for (const DetailChoice& finer : choice.or_finer) {
     lines.add("or_finer", {});

@@ -30,6 +30,8 @@ struct Header {
   std::uint32_t length_unit;  // LengthUnit, of the geometry
   std::uint64_t file_bytes;
   std::uint32_t number, of;                // ShareNumber
+  std::uint32_t inside;                    // InsideOf
+  std::uint32_t reserved;                  // 0
   std::uint64_t first_brick, brick_count;  // of the plan, which has all_bricks
   std::uint64_t all_bricks;
   std::uint64_t batches;    // records
@@ -45,7 +47,7 @@ struct Header {
   std::uint64_t identity_checksum;  // XXH3-64 of the text
   std::uint64_t header_checksum;    // XXH3-64 of all the bytes before it
 };
-static_assert(sizeof(Header) == 256);
+static_assert(sizeof(Header) == 264);
 
 struct BatchRecord {
   std::uint64_t bytes;     // of the record, this struct and the arrays

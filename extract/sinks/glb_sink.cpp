@@ -86,8 +86,7 @@ class GlbSink : public NumberedSink {
   std::string makeHeader() const { return glbHeader(makeJson(), kJsonBytes, binBytes()); }
 
   std::string makeJson() const {
-    const std::string head =
-        joined("{", gltfAsset(frame_, options_.shift), R"(,"scene":0,"scenes":[)");
+    const std::string head = joined("{", gltfAsset(frame_), R"(,"scene":0,"scenes":[)");
     if (triangles_ == 0) return joined(head, "{}]}");
 
     const std::string vertex_bytes = std::to_string(vertices() * vertexBytes());

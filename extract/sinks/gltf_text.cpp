@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "isobrick/extract/sinks/mesh_formats.h"
+#include "isobrick/extract/sinks/mesh_placement.h"
 
 namespace isobrick {
 namespace {
@@ -33,10 +34,11 @@ glm::dvec3 gltfCenter(const MeshFrame& frame) {
   return center;
 }
 
-std::string gltfAsset(const MeshFrame& frame, const glm::dvec3& shift) {
+std::string gltfAsset(const MeshFrame& frame) {
+  const glm::dvec3 shift = shiftOf(frame);
   const bool is_shifted = shift != glm::dvec3(0.0);
   return joined(R"("asset":{"version":"2.0","generator":"isobrick","extras":{"units":")",
-                lengthUnitName(frame.geometry.unit), R"(","space":")", kMeshSpace, "\"",
+                unitText(frame), R"(","space":")", spaceText(frame), "\"",
                 is_shifted ? joined(R"(,"shift":)", arrayText(shift)) : "", "}}");
 }
 

@@ -32,7 +32,7 @@ inline std::string_view gltfAttribute(const MeshFileOptions& options) {
 }
 
 // "asset":{...}
-std::string gltfAsset(const MeshFrame& frame, const glm::dvec3& shift);
+std::string gltfAsset(const MeshFrame& frame);
 // The rest of "scenes":[ and "nodes":[...] of one mesh that was moved by -center.
 std::string gltfNode(const glm::dvec3& center);
 inline constexpr std::string_view kGltfMaterials =

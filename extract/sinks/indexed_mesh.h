@@ -8,7 +8,7 @@ namespace isobrick {
 // Vertices are numbered in the order of first use; every vertex is stored once.
 struct IndexedMesh {
   std::vector<glm::dvec3> positions;          // world units
-  std::vector<glm::vec3> normals;             // unit, towards lower values
+  std::vector<glm::vec3> normals;             // unit, outward
   std::vector<std::uint32_t> triangles;       // three indices each, winding as in MeshBatch
   std::vector<std::uint8_t> triangle_levels;  // pyramid level of each triangle
 };

@@ -1,27 +1,23 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 
 #include <charconv>
+#include <utility>
 
 #include "isobrick/extract/sinks/mesh_formats.h"
+#include "isobrick/extract/sinks/mesh_placement.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
 
-struct MeshFormat {
-  const char* extension;
-  std::unique_ptr<MeshFileSink> (*make)(const std::string& path, const MeshFileOptions& options);
-  bool has_values;
-  bool has_zlib;
-  bool has_meshopt;
-};
-
-constexpr MeshFormat kMeshFormats[] = {{".ply", makePlySink, true, false, false},
-                                       {".stl", makeStlSink, false, false, false},
-                                       {".obj", makeObjSink, false, false, false},
-                                       {".glb", makeGlbSink, true, false, true},
-                                       {".vtp", makeVtpSink, true, true, false}};
+constexpr MeshFormat kMeshFormats[] = {
+    {".ply", makePlySink, true, false, false},
+    {".stl", makeStlSink, false, false, false},
+    {".obj", makeObjSink, false, false, false},
+    {".glb", makeGlbSink, true, false, true, makeGlbCollection},
+    {".vtp", makeVtpSink, true, true, false},
+    {".3mf", makeThreeMfSink, false, false, false, makeThreeMfCollection}};
 
 }  // namespace
 
@@ -44,8 +40,7 @@ std::string shiftText(const glm::dvec3& shift) {
   return text;
 }
 
-std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
-                                               const MeshFileOptions& options) {
+const MeshFormat& meshFormatOf(const std::string& path, const MeshFileOptions& options) {
   const std::string end = lowerExtension(path);
   for (const MeshFormat& format : kMeshFormats) {
     if (end != format.extension) continue;
@@ -59,11 +54,18 @@ std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
     if (options.meshopt && !format.has_meshopt)
       throw Error("'" + path + "': only a mesh as .glb can be packed with meshopt; write .glb",
                   {.path = path});
-    return format.make(path, options);
+    return format;
   }
   throw Error(
-      "cannot tell the mesh format of '" + path + "'; name it .ply, .stl, .obj, .glb or .vtp",
+      "cannot tell the mesh format of '" + path + "'; name it .ply, .stl, .obj, .glb, .vtp or .3mf",
       {.path = path});
+}
+
+std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
+                                               const MeshFileOptions& options) {
+  auto sink = meshFormatOf(path, options).make(path, options);
+  if (options.placement == MeshPlacement()) return sink;
+  return placedSink(std::move(sink), options.placement);
 }
 
 }  // namespace isobrick

@@ -22,6 +22,26 @@ class MeshFileSink : public TriangleSink {
   virtual std::string loss() const { return {}; }
 };
 
+// The axes of a mesh's coordinates.
+enum class MeshSpace {
+  kLps,    // of the volume's world, which counts as LPS: left, posterior, superior
+  kRas,    // right, anterior, superior: x and y have the other sign
+  kIndex,  // voxel indices of level 0
+};
+
+// Where a mesh lies. The default: in the world of its volume.
+struct MeshPlacement {
+  MeshSpace space = MeshSpace::kLps;
+  // "nm", "um", "mm", "cm", "m", "inch" or "ft"; empty: that of the volume, none of indices.
+  std::string unit = {};
+  glm::dvec3 shift{0.0};  // added last, in that space and unit
+  bool operator==(const MeshPlacement&) const = default;
+
+  // The place of the voxels of a volume there. Throws Error for a unit that is none of these, one
+  // of indices, and one of a volume whose own is unknown.
+  GridGeometry placed(const GridGeometry& volume) const;
+};
+
 // Options of a mesh file. All pointers may be null; their targets outlive the sink.
 struct MeshFileOptions {
   // Checked in finish(), which then throws Cancelled and leaves no file.
@@ -33,9 +53,9 @@ struct MeshFileOptions {
   // whole number; `_COMPONENT` of .glb, which has floats: exact up to 16,777,216. Error for the
   // other formats.
   bool components = false;
-  // Added to all positions, in world units; headers say it if it is not 0. Values are those of the
-  // places without it.
-  glm::dvec3 shift{0.0};
+  // Positions, normals and triangles follow it, and headers say it. Values are those of the places
+  // in the volume's world.
+  MeshPlacement placement = {};
   // Packs .vtp with zlib. Error for the other formats.
   bool zlib = false;
   // Packs .glb with EXT_meshopt_compression. Error for the other formats.
@@ -65,9 +85,12 @@ std::vector<MeshFormatInfo> meshFormats();
 //         the least spacing if the volume is up to some 1,000 spacings wide. Normals are rounded
 //         to 10 bits; the mesh is cut into primitives, whose common vertices are equal
 //   .vtp  VTK PolyData, appended data: as .ply, with normals as `Normals`, and `level` of the cells
+//   .3mf  an object for 3D printers: positions with digits enough to read back as those of .ply,
+//         triangles, the unit; no normals. At most 2^31 - 1 vertices. Lengths of an unknown unit
+//         count as millimetres: see MeshFileSink::loss()
 // All but .stl hold at most 2^32 - 1 vertices. All are in the world coordinates of the pyramid, LPS
-// as its source has them; their headers say so, and whether lengths are millimetres or of an
-// unknown unit (MeshFrame::geometry).
+// as its source has them, or where MeshFileOptions::placement says; their headers say so, and
+// whether lengths are millimetres or of an unknown unit (MeshFrame::geometry).
 //
 // Throws Error for another extension and for a path that cannot be written. The file appears under
 // its name in finish(); a sink that is destroyed earlier leaves nothing.

@@ -7,8 +7,8 @@
 #include <limits>
 #include <memory>
 #include <string>
-#include <string_view>
 
+#include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 
 namespace isobrick {
@@ -36,6 +36,14 @@ std::unique_ptr<MeshFileSink> makeStlSink(const std::string& path, const MeshFil
 std::unique_ptr<MeshFileSink> makeObjSink(const std::string& path, const MeshFileOptions& options);
 std::unique_ptr<MeshFileSink> makeGlbSink(const std::string& path, const MeshFileOptions& options);
 std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options);
+std::unique_ptr<MeshFileSink> makeThreeMfSink(const std::string& path,
+                                              const MeshFileOptions& options);
+
+// makeMeshCollection() for the ending.
+std::unique_ptr<MeshCollection> makeThreeMfCollection(const std::string& path,
+                                                      const MeshFileOptions& options);
+std::unique_ptr<MeshCollection> makeGlbCollection(const std::string& path,
+                                                  const MeshFileOptions& options);
 
 // A .glb with --meshopt. With the greatest length of a file: tests lower it.
 inline constexpr std::uint64_t kMostGlbBytes = std::numeric_limits<std::uint32_t>::max();
@@ -47,8 +55,17 @@ std::unique_ptr<MeshFileSink> makeMeshoptSink(const std::string& path,
 std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options,
                                           std::uint64_t most_narrow);
 
-// The text of headers on coordinates, beside their unit.
-inline constexpr std::string_view kMeshSpace = "LPS";
+// A row of the table of formats.
+struct MeshFormat {
+  const char* extension;
+  std::unique_ptr<MeshFileSink> (*make)(const std::string& path, const MeshFileOptions& options);
+  bool has_values, has_zlib, has_meshopt;
+  // Null: a file holds one surface.
+  std::unique_ptr<MeshCollection> (*make_several)(const std::string& path,
+                                                  const MeshFileOptions& options) = nullptr;
+};
+// Of a file's name. Throws Error for other endings, and for options that the format does not take.
+const MeshFormat& meshFormatOf(const std::string& path, const MeshFileOptions& options);
 
 // "X Y Z", with digits that read back as the same numbers.
 std::string shiftText(const glm::dvec3& shift);

@@ -167,7 +167,7 @@ class MeshoptSink : public NumberedSink {
   }
 
   std::string makeJson() const {
-    const std::string head = joined("{", gltfAsset(frame_, options_.shift));
+    const std::string head = joined("{", gltfAsset(frame_));
     if (triangles_ == 0) return joined(head, R"(,"scene":0,"scenes":[{}]})");
     const char* const extensions = R"(["EXT_meshopt_compression","KHR_mesh_quantization"])";
     // Behind the packed buffer come those that readers unpack it to.

@@ -2,19 +2,21 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
+#include "isobrick/extract/sinks/mesh_placement.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/atomic_file.h"
 
 namespace isobrick {
 
-// A mesh file whose vertices have numbers of 32 bits. Derived classes lay out the file.
-class NumberedSink : public MeshFileSink {
+// A mesh whose vertices have numbers of 32 bits. `path` is for messages.
+class NumberedMesh : public MeshFileSink {
  public:
-  NumberedSink(const std::string& path, const MeshFileOptions& options)
-      : options_(options), file_(path) {}
+  NumberedMesh(std::string path, const MeshFileOptions& options)
+      : options_(options), path_(std::move(path)) {}
 
   void begin(const MeshFrame& frame) override;
   // Numbers vertices and triangles.
@@ -40,31 +42,41 @@ class NumberedSink : public MeshFileSink {
     });
   }
 
+  // The shift between two texts, for a header; empty if there is none.
+  std::string shiftLine(const std::string& before, const std::string& after) const {
+    const glm::dvec3 shift = shiftOf(frame_);
+    return shift == glm::dvec3(0.0) ? "" : before + shiftText(shift) + after;
+  }
+
+  const MeshFileOptions options_;
+  const std::string path_;
+  MeshFrame frame_;
+  bool double_precision_ = false;  // floats would not separate crossings
+  std::uint64_t triangles_ = 0;
+
+ private:
+  // `for_each` calls its argument with the index of every vertex that is wanted.
+  template <typename ForEach>
+  void findWorld(PlacedBatch& placed, const ForEach& for_each) const;
+
+  WorldPlacement placement_, volume_placement_;
+  VertexNumbering numbering_;
+};
+
+// A mesh file of one such mesh. Derived classes lay out the file.
+class NumberedSink : public NumberedMesh {
+ public:
+  NumberedSink(const std::string& path, const MeshFileOptions& options)
+      : NumberedMesh(path, options), file_(path) {}
+
+ protected:
   // Writes the header to the beginning, and gives the file its name.
   void publish(const std::string& header) {
     file_.pwrite(header.data(), header.size(), 0);
     file_.commit(options_.cancel);
   }
 
-  // The shift between two texts, for a header; empty if there is none.
-  std::string shiftLine(const std::string& before, const std::string& after) const {
-    return options_.shift == glm::dvec3(0.0) ? "" : before + shiftText(options_.shift) + after;
-  }
-
-  const MeshFileOptions options_;
   AtomicFile file_;
-  MeshFrame frame_;                // shifted
-  bool double_precision_ = false;  // floats would not separate crossings
-  std::uint64_t triangles_ = 0;
-
- private:
-  void findValues(PlacedBatch& placed) const;
-  static float componentValue(const PlacedBatch& placed, std::size_t v) {
-    return static_cast<float>(placed.components[v]);
-  }
-
-  WorldPlacement placement_;
-  VertexNumbering numbering_;
 };
 
 }  // namespace isobrick

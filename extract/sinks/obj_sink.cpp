@@ -111,9 +111,10 @@ class ObjSink : public NumberedSink {
       const std::string text = std::to_string(count);
       return std::string(20 - text.size(), ' ') + text;
     };
-    return "# isobrick\n# units: " + std::string(lengthUnitName(frame_.geometry.unit)) +
-           "\n# space: " + std::string(kMeshSpace) + shiftLine("\n# shift: ", "") +
-           "\n# normals: towards lower values\n# vertices:  " + padded(vertices()) +
+    const bool is_above = frame_.inside == InsideOf::kAbove;
+    return "# isobrick\n# units: " + unitText(frame_) + "\n# space: " + spaceText(frame_) +
+           shiftLine("\n# shift: ", "") + "\n# normals: towards " +
+           (is_above ? "lower" : "higher") + " values\n# vertices:  " + padded(vertices()) +
            "\n# triangles: " + padded(triangles_) + "\n";
   }
   // "n//n" of the greatest number that a face of the batch can have.

@@ -70,8 +70,8 @@ class PlySink : public NumberedSink {
     const std::string real = double_precision_ ? "double" : "float";
     const std::string head =
         "ply\nformat binary_little_endian 1.0\ncomment isobrick\ncomment units: " +
-        std::string(lengthUnitName(frame_.geometry.unit)) +
-        "\ncomment space: " + std::string(kMeshSpace) + "\n" + shiftLine("comment shift: ", "\n");
+        unitText(frame_) + "\ncomment space: " + spaceText(frame_) + "\n" +
+        shiftLine("comment shift: ", "\n");
     std::string rest = "element vertex " + std::to_string(vertices()) + "\n";
     for (const char* name : {"x", "y", "z"}) rest += "property " + real + " " + name + "\n";
     for (const char* name : {"nx", "ny", "nz"})

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "isobrick/extract/sinks/mesh_formats.h"
+#include "isobrick/extract/sinks/mesh_placement.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 
@@ -16,22 +17,20 @@ namespace {
 class StlSink : public MeshFileSink {
  public:
   StlSink(const std::string& path, const MeshFileOptions& options)
-      : cancel_(options.cancel), shift_(options.shift), file_(path) {}
+      : cancel_(options.cancel), file_(path) {}
 
   void begin(const MeshFrame& frame) override {
-    MeshFrame shifted = frame;
-    shifted.geometry.origin += shift_;
-    placement_ = WorldPlacement(shifted.geometry);
+    placement_ = WorldPlacement(frame.geometry);
     voxel_ = frame.geometry.leastSpacing();
-    is_far_ = shifted.coordinateMagnitudeInVoxels() >= 2048;
+    is_far_ = frame.coordinateMagnitudeInVoxels() >= 2048;
     // Must not begin with "solid", by which readers recognise ASCII STL.
     std::string header = "isobrick; units: ";
-    header += lengthUnitName(frame.geometry.unit);
-    header.append("; space: ").append(kMeshSpace);
-    if (shift_ != glm::dvec3(0.0)) header.append("; shift: ").append(shiftText(shift_));
+    header.append(unitText(frame)).append("; space: ").append(spaceText(frame));
+    const glm::dvec3 shift = shiftOf(frame);
+    if (shift != glm::dvec3(0.0)) header.append("; shift: ").append(shiftText(shift));
     if (header.size() > kHeaderTextBytes)
       throw Error("'" + file_.path() + "': the header of an STL file has no room for the shift " +
-                      shiftText(shift_) + "; round it",
+                      shiftText(shift) + "; round it",
                   {.path = file_.path()});
     header.resize(kHeaderBytes);
     file_.write(header.data(), header.size());
@@ -107,7 +106,6 @@ class StlSink : public MeshFileSink {
   };
 
   const CancelFlag* cancel_;
-  const glm::dvec3 shift_;
   AtomicFile file_;
   WorldPlacement placement_;
   double voxel_ = 1;  // the least spacing

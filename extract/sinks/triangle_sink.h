@@ -4,10 +4,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "isobrick/extract/query.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
@@ -70,9 +73,10 @@ struct MeshBatch {
   double fraction_done = 0;            // of the extraction's bricks, with this one: 0 .. 1
   Index3 origin{0};                    // the voxel that positions are counted from
   RawVector<glm::vec3> positions;      // in voxels from the origin; exact, see worldPosition()
-  RawVector<glm::vec3> normals;        // world, unit, towards lower values; one a position
+  RawVector<glm::vec3> normals;        // world, unit, outward: towards lower values, or towards
+                                       // higher ones if Query::inside is below; one a position
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
-                                       // seen in the world from the lower values
+                                       // seen in the world from the outside
   std::vector<SharedVertex> shared;    // ascending in `vertex`
   // The last so many of `triangles` belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
@@ -97,9 +101,19 @@ struct MeshBatch {
 
 // Facts of the volume that a sink may need before the first batch.
 struct MeshFrame {
-  GridGeometry geometry;     // of the volume
-  Index3 voxels{0};          // of level 0
-  bool has_missing = false;  // voxels without data, beside which the surface is open
+  GridGeometry geometry;               // of the volume, or of where a file has it (see `placed`)
+  Index3 voxels{0};                    // of level 0
+  bool has_missing = false;            // voxels without data, beside which the surface is open
+  InsideOf inside = InsideOf::kAbove;  // of the query
+
+  // A mesh that a file has elsewhere than in its volume's world.
+  struct Placed {
+    std::string space;      // "RAS"
+    std::string unit;       // "inches"
+    glm::dvec3 shift{0.0};  // was added last, in that space and unit
+    GridGeometry volume;    // in its own world
+  };
+  std::optional<Placed> placed = {};  // none: in the volume's world
 
   // Greatest magnitude of a world coordinate divided by the least voxel spacing: above 2048, single
   // precision no longer separates crossings that are 1/4096 of an edge apart (rule 8).

@@ -248,8 +248,7 @@ class VtpSink : public NumberedSink {
     const std::string name = options_.components ? "component" : "value";
     std::string head =
         "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are " +
-        std::string(kMeshSpace) + ", their unit is " +
-        std::string(lengthUnitName(frame_.geometry.unit)) + shiftLine(", shifted by ", "") +
+        spaceText(frame_) + ", their unit is " + unitText(frame_) + shiftLine(", shifted by ", "") +
         " -->\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
         "header_type=\"UInt64\"" +
         (options_.zlib ? " compressor=\"vtkZLibDataCompressor\"" : "") +

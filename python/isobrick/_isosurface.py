@@ -15,7 +15,7 @@ from ._build import _describe_array, _FileInput
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
 from ._pyramid import Pyramid
-from ._query import Query, Triple, settings_of
+from ._query import Inside, Query, Triple, settings_of
 from ._sizes import DEFAULT_MEMORY, byte_size
 
 
@@ -31,6 +31,7 @@ def isosurface(
     drop_small: bool = False,
     values: Pyramid | None = None,
     indices: bool = False,
+    inside: Inside = "above",
     memory: int | str = DEFAULT_MEMORY,
     threads: int = 0,
     progress: Progress = None,
@@ -39,7 +40,7 @@ def isosurface(
     """The isosurface of an array, as a mesh in memory: ``points, faces, normals = isosurface(volume, level)``.
 
     The mesh is the one of ``build`` and ``extract``: closed but for the border of the volume, outward where values
-    are below ``level``.
+    are below ``level``, or above it with ``inside='below'``.
 
     For several surfaces of one volume, or coarser ones, ``build`` a pyramid. An array that does not lie in memory as
     float32 is read twice, once for the range of its values.
@@ -64,6 +65,8 @@ def isosurface(
         a pyramid: its values at the points become ``Mesh.values``
     indices
         box and simplify are in voxel indices and voxels; otherwise in world units
+    inside
+        where the object is: values of at least ``level`` ('above', 'auto'), or those below it ('below')
     memory
         what is read at a time of an array that is not used where it lies (other than numpy's u1, i1, u2, i2 and
         f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
@@ -71,7 +74,9 @@ def isosurface(
         0: all cores
     """
     described = describe(volume)
-    query = Query(float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices)
+    query = Query(
+        float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices, inside=inside
+    )
     chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._query import ExtractReport, make_report
+from ._query import ExtractReport, Space, make_report, placement_of
 
 if TYPE_CHECKING:
     import meshio
@@ -22,7 +22,8 @@ class Mesh:
     """A triangle mesh. Its arrays are the library's own memory, read-only and alive as long as one of them is.
 
     Points are (x, y, z) in world units; ``index_points`` has them in voxel indices. Triangles wind
-    counter-clockwise seen from outside, which is where values are below the isovalue, and normals point there.
+    counter-clockwise seen from outside, and normals point there: where values are below the isovalue, or above it if
+    the query says ``inside='below'``.
     """
 
     def __init__(self, handle: _core.MeshHandle) -> None:
@@ -50,7 +51,7 @@ class Mesh:
 
     @property
     def normals(self) -> NDArray[np.float32]:
-        """(n, 3): unit, in the world, towards lower values."""
+        """(n, 3): unit, in the world, outward."""
         return self._handle.normals()
 
     @property
@@ -92,11 +93,20 @@ class Mesh:
         a, b, c = (self.points[self.faces[:, i]].astype(np.float64) - middle for i in range(3))
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
-    def save(self, path: str | os.PathLike[str], *, zlib: bool = False, meshopt: bool = False) -> None:
-        """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``, points in world units: to the byte what
-        ``extract_to`` writes, but for ``meshopt``, whose chunks are cut elsewhere. ``zlib`` packs ``.vtp``,
-        ``meshopt`` packs ``.glb``. A file of that name is replaced."""
-        self._handle.save(os.fspath(path), zlib, meshopt)
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        zlib: bool = False,
+        meshopt: bool = False,
+        space: Space = "LPS",
+        unit: str | None = None,
+        shift: Sequence[float] = (0, 0, 0),
+    ) -> None:
+        """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``, points in world units, or where
+        ``space``, ``unit`` and ``shift`` say: to the byte what ``extract_to`` writes, but for ``meshopt``, whose chunks
+        are cut elsewhere. ``zlib`` packs ``.vtp``, ``meshopt`` packs ``.glb``. A file of that name is replaced."""
+        self._handle.save(os.fspath(path), zlib, meshopt, placement_of(space, unit, shift))
 
     def to_vtk(self) -> Any:
         """A ``vtkPolyData`` on this memory: points (x, y, z) in world units, with ``Normals``, ``level`` of the

@@ -18,7 +18,19 @@ from ._errors import Error
 from ._level import Level
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
-from ._query import Choice, ExtractReport, Isovalue, Query, Triple, _QuerySettings, make_report, query_of, settings_of
+from ._query import (
+    Choice,
+    ExtractReport,
+    Isovalue,
+    Query,
+    Space,
+    Triple,
+    _QuerySettings,
+    make_report,
+    placement_of,
+    query_of,
+    settings_of,
+)
 from ._sizes import byte_size
 
 _alive: weakref.WeakSet[Pyramid | Session] = weakref.WeakSet()
@@ -102,14 +114,19 @@ def merge(
     *,
     zlib: bool = False,
     meshopt: bool = False,
+    space: Space = "LPS",
+    unit: str | None = None,
+    shift: Sequence[float] = (0, 0, 0),
     force: bool = False,
     threads: int = 0,
     cancel: _core.Cancel | None = None,
 ) -> MergeReport:
     """Joins the shares of a surface (``.isbm``, in any order) to one closed mesh file, in bounded memory: the bytes
-    of one ``extract_to``. A missing or foreign share is an Error that names it."""
+    of one ``extract_to``, which has the same ``space``, ``unit`` and ``shift``. A missing or foreign share is an Error
+    that names it."""
     paths = [os.fspath(share) for share in shares]
-    return MergeReport(**_core.merge_shares(paths, os.fspath(out), zlib, meshopt, force, threads, cancel))
+    placement = placement_of(space, unit, shift)
+    return MergeReport(**_core.merge_shares(paths, os.fspath(out), zlib, meshopt, placement, force, threads, cancel))
 
 
 class Pyramid:
@@ -321,8 +338,8 @@ class Pyramid:
         threads
             0: all cores
         **choice
-            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values and
-            indices; (x, y, z) in world units, or voxel indices with ``indices=True``
+            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values,
+            indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)
         pyramid = self
@@ -344,21 +361,27 @@ class Pyramid:
         part: tuple[int, int] | None = None,
         zlib: bool = False,
         meshopt: bool = False,
+        space: Space = "LPS",
+        unit: str | None = None,
+        shift: Sequence[float] = (0, 0, 0),
         force: bool = False,
         threads: int = 0,
         progress: Progress = None,
         cancel: _core.Cancel | None = None,
         **choice: Unpack[Choice],
     ) -> ExtractReport:
-        """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``: for meshes larger than
-        memory. The other parameters are those of ``extract``: focus, radius and box are (x, y, z) in world units, or
+        """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``: for meshes larger
+        than memory. The file has the world's coordinates, or those of another ``space`` ('RAS', or 'index': voxel
+        indices), in a ``unit`` of its own ('nm', 'um', 'mm', 'cm', 'm', 'inch', 'ft'), and ``shift`` added last. The other parameters are those of ``extract``: focus, radius and box are (x, y, z) in world units, or
         voxel indices with ``indices=True``. The file has its name when it is whole; one that exists is replaced with
         ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
         to the mesh of one call."""
         query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
             settings = self._settings(query, threads, tell, cancel, part)
-            facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
+            placement = placement_of(space, unit, shift)
+            session = _core.SessionHandle(self._handle)
+            facts = session.extract_to(settings, os.fspath(path), zlib, meshopt, placement, force)
             return make_report(facts)
 
     def _isovalue(self, isovalue: Isovalue) -> float:
@@ -372,7 +395,10 @@ class Pyramid:
     def _settings(
         self, query: Query, threads: int, tell: Any, cancel: _core.Cancel | None, part: tuple[int, int] | None = None
     ) -> _QuerySettings:
-        return settings_of(query, self._isovalue(query.isovalue), threads, tell, cancel, part)
+        settings = settings_of(query, self._isovalue(query.isovalue), threads, tell, cancel, part)
+        if query.inside == "auto":
+            settings.is_below = self.provenance.get("properties", {}).get("vdb.class") == "level set"
+        return settings
 
 
 class Session:

@@ -11,6 +11,8 @@ from ._errors import Error
 
 Triple = tuple[float, float, float]
 Isovalue = float | Literal["auto"]
+Inside = Literal["above", "below", "auto"]
+Space = Literal["LPS", "RAS", "index"]
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,7 @@ class Choice(TypedDict, total=False):
     drop_small: bool
     values: HasValues | None
     indices: bool
+    inside: Inside
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,9 @@ class Query:
         another pyramid: its values at the points become ``Mesh.values``
     indices
         focus, radius, box and simplify are in voxel indices and voxels
+    inside
+        where the object is, from which normals look away: values of at least the isovalue ('above'), or those
+        below it ('below': dark things, level sets); 'auto': below for a level set of OpenVDB, else above
     """
 
     isovalue: Isovalue = "auto"
@@ -140,9 +146,12 @@ class Query:
     drop_small: bool = False
     values: HasValues | None = None
     indices: bool = False
+    inside: Inside = "above"
 
     def __post_init__(self) -> None:
         self._detail()
+        if self.inside not in ("above", "below", "auto"):
+            raise Error(f"inside is {self.inside!r}; give 'above', 'below' or 'auto'")
         if self.drop_small and self.simplify is None:
             raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
 
@@ -171,6 +180,7 @@ class _QuerySettings:
     progress: Any
     cancel: Any
     part: tuple[int, int] | None
+    is_below: bool
 
 
 def settings_of(
@@ -184,7 +194,16 @@ def settings_of(
     return _QuerySettings(
         isovalue, query._detail(), query.indices, query.or_finer, box, query.simplify, query.drop_small,
         None if query.values is None else query.values._handle, threads, progress, cancel, part,
+        query.inside == "below",
     )  # fmt: skip
+
+
+def placement_of(space: Space, unit: str | None, shift: Sequence[float]) -> tuple[str, str, Triple]:
+    """Where a mesh lies, as the library takes it."""
+    if space not in ("LPS", "RAS", "index"):
+        raise Error(f"the space is {space!r}; give 'LPS', 'RAS' or 'index'")
+    x, y, z = shift
+    return space, unit or "", (float(x), float(y), float(z))
 
 
 @dataclass(frozen=True)

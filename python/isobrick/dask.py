@@ -31,7 +31,7 @@ from ._arrays import ArrayVolume, describe
 from ._build import JoinReport, SuperBrick, _Builder, _BuildSettings, _FileInput
 from ._errors import Error
 from ._pyramid import MergeReport
-from ._query import Choice, Isovalue, Query, query_of
+from ._query import Choice, Isovalue, Query, Space, query_of
 from ._sizes import DEFAULT_MEMORY, byte_size
 
 #: Voxels around a super-brick that its coarser levels are made from, and more.
@@ -122,7 +122,7 @@ class MeshPart:
     points: NDArray[Any]
     #: (m, 3): numbers of points.
     faces: NDArray[np.uint32]
-    #: (n, 3): unit, towards lower values.
+    #: (n, 3): unit, outward.
     normals: NDArray[np.float32]
     #: (m,): the level of the pyramid that each triangle comes from.
     levels: NDArray[np.uint8]
@@ -141,6 +141,9 @@ def extract(
     force: bool = False,
     zlib: bool = False,
     meshopt: bool = False,
+    space: Space = "LPS",
+    unit: str | None = None,
+    shift: Sequence[float] = (0, 0, 0),
     keep_shares: bool = False,
     **choice: Unpack[Choice],
 ) -> MergeReport:
@@ -153,7 +156,7 @@ def extract(
     isovalue
         of the surface, or an ``isobrick.Query``
     **choice
-        focus, radius, level, view, curvature, or_finer, box, simplify, drop_small and indices, as of
+        focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, indices and inside, as of
         ``isobrick.Query``
     """
     name = os.path.abspath(os.fspath(out))
@@ -175,8 +178,8 @@ def extract(
     ]  # fmt: skip
     _wait_for(dask_client, futures)
     merge = dask_client.submit(
-        isobrick.merge, shares, name, zlib=zlib, meshopt=meshopt, force=force, threads=threads,
-        key=f"isobrick-merge-{run}", retries=retries, pure=False,
+        isobrick.merge, shares, name, zlib=zlib, meshopt=meshopt, space=space, unit=unit,
+        shift=shift, force=force, threads=threads, key=f"isobrick-merge-{run}", retries=retries, pure=False,
     )  # fmt: skip
     report: MergeReport = _wait_for(dask_client, [merge])[0]
     if not keep_shares:

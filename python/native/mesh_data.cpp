@@ -155,16 +155,17 @@ const float* MeshData::values() {
   return data;
 }
 
-void MeshData::save(const std::string& path, bool zlib, bool meshopt,
-                    const CancelFlag* cancel) const {
-  const auto sink = makeMeshFileSink(
-      path, {.cancel = cancel, .values = values_.get(), .zlib = zlib, .meshopt = meshopt});
+void MeshData::save(const std::string& path, MeshFileOptions options) const {
+  options.values = values_.get();
+  const CancelFlag* const cancel = options.cancel;
+  const auto sink = makeMeshFileSink(path, options);
   sink->begin(frame_);
   PartBatches batches(surface_);
   PlacedBatch placed;
   for (const SurfaceMesh::Part& part : surface_.parts()) {
     if (cancel != nullptr) cancel->check();
     batches.fill(part, placed.batch);
+    sink->prepare(placed);
     sink->place(placed);
     sink->write(placed);
   }

@@ -57,8 +57,8 @@ class MeshData {
   // The values of the field that the mesh was extracted with, one a vertex.
   const float* values();
 
-  // Writes the file that an extraction straight into it writes, to the byte.
-  void save(const std::string& path, bool zlib, bool meshopt, const CancelFlag* cancel) const;
+  // Writes the file that an extraction straight into it writes, to the byte. Values are its own.
+  void save(const std::string& path, MeshFileOptions options) const;
 
  private:
   SurfaceMesh surface_;

@@ -4,6 +4,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -88,6 +90,7 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry) {
   const bool indices = nb::cast<bool>(from.attr("indices"));
   Query query;
   query.isovalue = nb::cast<double>(from.attr("isovalue"));
+  if (nb::cast<bool>(from.attr("is_below"))) query.inside = InsideOf::kBelow;
   static_cast<DetailChoice&>(query) = readDetail(from.attr("detail"), geometry, indices);
   for (const nb::handle choice : from.attr("or_finer"))
     query.or_finer.push_back(readDetail(nb::borrow(choice), geometry, indices));
@@ -100,6 +103,16 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry) {
   return query;
 }
 
+// The names of space and unit, and the shift, of placement_of() of Python.
+using PlacementTuple = std::tuple<std::string, std::string, Doubles3>;
+MeshPlacement readPlacement(const PlacementTuple& from) {
+  const auto& [space, unit, shift] = from;
+  return {space == "RAS"     ? MeshSpace::kRas
+          : space == "index" ? MeshSpace::kIndex
+                             : MeshSpace::kLps,
+          unit, vectorOf(shift)};
+}
+
 // (i, n), i from 1; nothing for the whole surface.
 std::optional<ShareNumber> readPart(const nb::object& from) {
   const auto part = optionalOf<std::array<std::uint32_t, 2>>(from, "part");
@@ -109,13 +122,16 @@ std::optional<ShareNumber> readPart(const nb::object& from) {
 
 // Writes the mesh of all shares, which are files, to `out`.
 nb::object mergeShares(const std::vector<std::string>& paths, const std::string& out, bool zlib,
-                       bool meshopt, bool force, int threads, const CancelRequest* cancel) {
+                       bool meshopt, const PlacementTuple& placement, bool force, int threads,
+                       const CancelRequest* cancel) {
   refuseReplacing(out, force);
   MergeReport report;
   std::uint64_t vertices = 0;
   runInterruptibly({nb::none(), threads, cancel}, [&](CallState& state) {
-    const auto sink =
-        makeMeshFileSink(out, {.cancel = &state.cancel(), .zlib = zlib, .meshopt = meshopt});
+    const auto sink = makeMeshFileSink(out, {.cancel = &state.cancel(),
+                                             .placement = readPlacement(placement),
+                                             .zlib = zlib,
+                                             .meshopt = meshopt});
     report = mergeMeshShares(paths, *sink, &state.cancel());
     vertices = sink->vertices();
   });
@@ -217,9 +233,14 @@ nb::object reportOf(const ExtractionReport& report) {
   return result;
 }
 
-void saveMesh(const MeshHandle& mesh, const std::string& path, bool zlib, bool meshopt) {
-  runInterruptibly(
-      {}, [&](CallState& state) { mesh.data->save(path, zlib, meshopt, &state.cancel()); });
+void saveMesh(const MeshHandle& mesh, const std::string& path, bool zlib, bool meshopt,
+              const PlacementTuple& placement) {
+  runInterruptibly({}, [&](CallState& state) {
+    mesh.data->save(path, {.cancel = &state.cancel(),
+                           .placement = readPlacement(placement),
+                           .zlib = zlib,
+                           .meshopt = meshopt});
+  });
 }
 
 // Queries one after the other on a pyramid, into memory that no array holds any more.
@@ -244,13 +265,13 @@ class Session {
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      mesh->filled({geometry(), pyramid_->spec().voxels}, report, values);
+      mesh->filled({geometry(), pyramid_->spec().voxels, false, query.inside}, report, values);
     });
     return {std::move(mesh)};
   }
 
   nb::object extractTo(const nb::object& settings, const std::string& path, bool zlib, bool meshopt,
-                       bool force) {
+                       const PlacementTuple& placement, bool force) {
     refuseReplacing(path, force);
     std::error_code ignored;
     if (std::filesystem::equivalent(path, pyramid_->path(), ignored))
@@ -259,10 +280,12 @@ class Session {
     const auto part = readPart(settings);
     const bool is_share = std::filesystem::path(path).extension() == kMeshShareEnding;
     const std::shared_ptr<const VertexValues> values = readValues(settings);
-    if (is_share && (!part || values != nullptr || zlib || meshopt))
-      throw Error(
-          "'" + path + "' is a share; give part=(i, n) with it, and neither values nor packing",
-          {.path = path});
+    const MeshPlacement placed = readPlacement(placement);
+    if (is_share && (!part || values != nullptr || zlib || meshopt || placed != MeshPlacement()))
+      throw Error("'" + path +
+                      "' is a share; give part=(i, n) with it, and neither values, packing, space, "
+                      "unit nor shift",
+                  {.path = path});
     ExtractionReport report;
     std::uint64_t vertices = 0;
     runInterruptibly(readCall(settings), [&](CallState& state) {
@@ -274,6 +297,7 @@ class Session {
       const auto sink = is_share ? makeMeshShareSink(path, *pyramid_, plan, share, &state.cancel())
                                  : makeMeshFileSink(path, {.cancel = &state.cancel(),
                                                            .values = values.get(),
+                                                           .placement = placed,
                                                            .zlib = zlib,
                                                            .meshopt = meshopt});
       const NumberRun run = bricksOf(plan, share);
@@ -391,7 +415,7 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
     query.cancel = &state.cancel();
     query.fraction_done = &state.fraction();
     const ExtractionReport report = extract(query, mesh->surface(), state);
-    mesh->filled({info.geometry, info.voxels}, report, values);
+    mesh->filled({info.geometry, info.voxels, false, query.inside}, report, values);
   });
   idle->forgetIfLarge(*mesh);
   return nb::cast(MeshHandle{mesh});
@@ -437,19 +461,23 @@ void bindQueries(nb::module_& module) {
            [](const MeshHandle& m) {
              return std::string(lengthUnitName(m.data->frame().geometry.unit));
            })
-      .def("save", &saveMesh, nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"));
+      .def("save", &saveMesh, nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"),
+           nb::arg("placement"));
   module.def("merge_shares", &mergeShares, nb::arg("paths"), nb::arg("out"), nb::arg("zlib"),
-             nb::arg("meshopt"), nb::arg("force"), nb::arg("threads"), nb::arg("cancel").none(),
+             nb::arg("meshopt"), nb::arg("placement"), nb::arg("force"), nb::arg("threads"),
+             nb::arg("cancel").none(),
              nb::sig("def merge_shares(paths: list[str], out: str, zlib: bool, meshopt: bool, "
-                     "force: bool, threads: int, cancel: Cancel | None) -> dict[str, typing.Any]"));
+                     "placement: tuple[str, str, tuple[float, float, float]], force: bool, "
+                     "threads: int, cancel: Cancel | None) -> dict[str, typing.Any]"));
   nb::class_<Session>(module, "SessionHandle")
       .def(nb::init<const PyramidHandle&>(), nb::arg("pyramid"))
       .def("extract", &Session::extract, nb::arg("settings"), nb::arg("is_progressive"))
       .def("extract_to", &Session::extractTo,
            nb::sig("def extract_to(self, settings: object, path: str, zlib: bool, meshopt: bool, "
-                   "force: bool) -> dict[str, typing.Any]"),
+                   "placement: tuple[str, str, tuple[float, float, float]], force: bool) -> "
+                   "dict[str, typing.Any]"),
            nb::arg("settings"), nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"),
-           nb::arg("force"))
+           nb::arg("placement"), nb::arg("force"))
       .def("wait_for_bricks", &Session::waitForBricks, nb::arg("seconds"))
       .def("meshes", &Session::meshes)
       .def("abandon", &Session::abandon);

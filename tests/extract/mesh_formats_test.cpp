@@ -21,7 +21,8 @@
 namespace isobrick::test {
 namespace {
 
-constexpr const char* kNames[] = {"mesh.ply", "mesh.stl", "mesh.obj", "mesh.glb", "mesh.vtp"};
+constexpr const char* kNames[] = {"mesh.ply", "mesh.stl", "mesh.obj",
+                                  "mesh.glb", "mesh.vtp", "mesh.3mf"};
 
 class MeshFormatsTest : public ::testing::Test {
  protected:
@@ -209,7 +210,7 @@ TEST_F(MeshFormatsTest, WhatFailsLeavesNothing) {
     }
     MeshFileOptions options{.values = &failing};
     const std::string end = std::filesystem::path(name).extension();
-    if (end == ".stl" || end == ".obj") {
+    if (end == ".stl" || end == ".obj" || end == ".3mf") {
       EXPECT_THROW(makeMeshFileSink(folder_.file(name), options), Error);
       continue;
     }

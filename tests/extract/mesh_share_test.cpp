@@ -69,7 +69,7 @@ class MeshShareTest : public testing::Test {
 };
 
 TEST_F(MeshShareTest, AnySurfaceComesOutByteByByte) {
-  const char* const formats[] = {".ply", ".stl", ".obj", ".glb", ".vtp"};
+  const char* const formats[] = {".ply", ".stl", ".obj", ".glb", ".vtp", ".3mf"};
   const int surfaces = repetitions(240);
   std::size_t bytes_compared = 0;
   for (int seed = 1; seed <= surfaces; ++seed) {
@@ -80,7 +80,7 @@ TEST_F(MeshShareTest, AnySurfaceComesOutByteByByte) {
     Query query = randomQuery(random, pyramid);
     if (seed % 4 == 0) query.simplify = SimplifyOptions{random.real(0.1, 1)};
 
-    const std::string ending = formats[seed % 5];
+    const std::string ending = formats[seed % 6];
     {
       const auto whole = makeMeshFileSink(folder.file("whole" + ending));
       extractIsosurface(pyramid, query, *whole);

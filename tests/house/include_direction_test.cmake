@@ -36,6 +36,7 @@ forbid(preprocess "openvdb/" "^sources/vdb_|^export/formats/vdb_|^openvdb_librar
 forbid(preprocess "expat" "^sources/vti_header|^sources/tiff_images|^sources/hdf5_choice")
 forbid(extract "isobrick/preprocess/|isobrick/viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|openvdb/|itk" "")
 forbid(extract "meshoptimizer" "^sinks/meshopt_chunk")
+forbid(extract "nlohmann" "^sinks/glb_collection")
 # Rooms of extract that know nothing of the others named here.
 foreach(rooms "kernels:meshing|oracles|paging|session|shares|simplify|sinks"
     "sinks:kernels|meshing|oracles|paging|session|shares|simplify"

@@ -314,6 +314,11 @@ TEST_F(PrecomputedMeshesTest, AMirroredVolumeIsNotInsideOut) {
   EXPECT_NEAR(signedVolume(surfaces[1]) / signedVolume(surfaces[0]), 1, 1e-3);
 }
 
+TEST_F(PrecomputedMeshesTest, TheInsideMayBeBelow) {
+  write({"extract", "head.isb", "--iso", "500", "--inside", "below", "-o", "b.precomputed"});
+  EXPECT_LT(signedVolume(readSegment(path("b.precomputed"), 1).triangles[0]), 0);
+}
+
 TEST_F(PrecomputedMeshesTest, LevelsThatHaveLostTheSurfaceAreLeftOut) {
   write({"extract", "head.isb", "--iso", "1324", "-o", "m.precomputed"});
   const Segment segment = readSegment(path("m.precomputed"), 1);

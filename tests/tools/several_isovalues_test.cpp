@@ -46,7 +46,6 @@ TEST_F(SeveralIsovaluesTest, NothingIsWrittenIfOneOfThemIsInTheWay) {
   expectFailure(1, {"extract", "head.isb", "--iso", "500,900", "-o", "m.ply"}, "m-900.ply");
   expectFailure(2, {"extract", "head.isb", "--iso", "500,500"}, "given twice");
   expectFailure(2, {"extract", "head.isb", "--iso", "500,"}, "--iso");
-  expectFailure(2, {"render", "head.isb", "--iso", "500,900", "-o", "a.png"}, "one isovalue");
   expectFailure(2, {"bench", "head.isb", "--iso", "500,900"}, "one isovalue");
 }
 

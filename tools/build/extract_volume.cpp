@@ -96,11 +96,13 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
   results.open_seconds = open_seconds;
   const std::vector<std::string> names = meshNames(arguments);
   ProgressBar bar(0, "million triangles");
+  const auto together = collectionOf(arguments, stream.pyramid(), values);
   std::vector<std::unique_ptr<ExtractedSurface>> surfaces;
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
     surfaces.push_back(
         std::make_unique<ExtractedSurface>(arguments, stream.pyramid(), values, names[i], bar));
+    if (together) surfaces.back()->writeTo(together->add(objectOf(arguments, i)));
   }
   if (surfaces.front()->wantsComponents()) {
     streamSurfaces(stream, surfaces,
@@ -113,6 +115,7 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
     surfaces[i]->endMesh(reports[i]);
     results.surfaces.push_back(surfaces[i]->end([&] { return stream.range(); }));
   }
+  if (together) together->finish();
   return results;
 }
 
@@ -130,6 +133,10 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const auto open = [&] { return openShowingProgress(words.options(), memory_bytes / 2); };
   std::unique_ptr<VolumeSource> source = open();
   refuseUnfitInputOptions(words.parser(), source->info());
+  const auto& properties = source->info().properties;
+  if (const auto grid_class = properties.find("vdb.class");
+      !arguments.query.inside && grid_class != properties.end())
+    arguments.query.inside = insideOfClass(grid_class->second);
   arguments.query.input.pyramid = pyramidAtHand(*source, arguments.query.input.path);
   if (!arguments.query.input.pyramid.empty()) return std::nullopt;
   refuseOutputs(arguments);

@@ -47,9 +47,9 @@ void printMeshes(const std::string& output, const std::vector<PrecomputedMesh>& 
 
 void refuseForMeshes(const CLI::App& command, const QueryOptions& options,
                      const std::string& output, bool force) {
-  for (const CLI::Option* const option : optionsBeside(
-           command,
-           {"FILE", "--iso", "--output", "--force", "--json", "--threads", "--memory", "--no-map"}))
+  for (const CLI::Option* const option :
+       optionsBeside(command, {"FILE", "--iso", "--inside", "--output", "--force", "--json",
+                               "--threads", "--memory", "--no-map"}))
     if (option->count() > 0)
       throw UsageError(fmt::format(
           "{} does not go with a .precomputed output, which holds all levels of the pyramid; leave "
@@ -79,7 +79,7 @@ int runExtractMeshes(QueryOptions options, const std::string& output, bool as_js
     }
     ProgressBar bar(0, "million triangles");
     return writePrecomputedMeshes(
-        *pyramid, isovalues, output, &interruptFlag(),
+        *pyramid, isovalues, insideOf(options, *pyramid), output, &interruptFlag(),
         [&](Extractor& extractor, const Query& query, TriangleSink& sink) {
           MeasuredSink measured(sink, bar);
           return extractor.extract(query, measured);

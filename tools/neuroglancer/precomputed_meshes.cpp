@@ -150,8 +150,8 @@ std::uint64_t writeFragments(const Levels& levels, const SideFile& spool, const 
 }  // namespace
 
 std::vector<PrecomputedMesh> writePrecomputedMeshes(
-    const Pyramid& pyramid, const std::vector<double>& isovalues, const std::string& path,
-    const CancelFlag* cancel,
+    const Pyramid& pyramid, const std::vector<double>& isovalues, InsideOf inside,
+    const std::string& path, const CancelFlag* cancel,
     const std::function<ExtractionReport(Extractor&, const Query&, TriangleSink&)>& through) {
   AtomicFolder folder(path);
   const auto writeText = [&](const std::string& name, const MeshInfo& info) {
@@ -171,6 +171,7 @@ std::vector<PrecomputedMesh> writePrecomputedMeshes(
     for (int level = 0; level < pyramid.lattice().levels(); ++level) {
       Query query;
       query.isovalue = isovalue;
+      query.inside = inside;
       query.uniform_level = level;
       query.cancel = cancel;
       FragmentSink sink(edge << level, spool, spooled);

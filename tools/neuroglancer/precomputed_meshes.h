@@ -31,8 +31,8 @@ struct PrecomputedMesh {
 // temporary file in the folder; memory holds 48 bytes for each. An existing folder is replaced.
 // Throws Error, Cancelled.
 std::vector<PrecomputedMesh> writePrecomputedMeshes(
-    const Pyramid& pyramid, const std::vector<double>& isovalues, const std::string& path,
-    const CancelFlag* cancel,
+    const Pyramid& pyramid, const std::vector<double>& isovalues, InsideOf inside,
+    const std::string& path, const CancelFlag* cancel,
     const std::function<ExtractionReport(Extractor&, const Query&, TriangleSink&)>& through);
 
 // True if the name ends so.

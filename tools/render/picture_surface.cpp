@@ -18,53 +18,85 @@
 namespace isobrick {
 namespace {
 
-void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressBar& bar,
-                           ChunkSink& sink, DrawableSurface& result) {
+// A surface in which pieces count: their colours, or which are the largest.
+void extractWithComponents(const Pyramid& pyramid, const Query& query,
+                           const std::optional<std::uint64_t>& keep_largest, bool by_component,
+                           ProgressBar& bar, ChunkSink& sink, DrawableSurface& result) {
   Extractor extractor(pyramid);
   ComponentFinder finder(query);
   MeasuredSink found(finder, bar);
   extractor.extract(query, found);
   const SurfaceComponents components = finder.take();
-  ComponentFilter filter(components, components.list().size(), sink);
+  const std::vector<SurfaceComponent>& list = components.list();
+  const std::vector<std::uint8_t> is_kept =
+      keep_largest ? components.largest(*keep_largest) : std::vector<std::uint8_t>(list.size(), 1);
+  ComponentFilter filter(components, is_kept, sink);
   MeasuredSink measured(filter, bar);
-  result.triangles = extractor.extract(query, measured).triangles;
-  result.pieces.isovalue = query.isovalue;
-  result.pieces.count = components.list().size();
-  for (std::size_t i = 0; i < std::min(kComponentColorCount, components.list().size()); ++i)
-    result.pieces.largest.emplace_back(i, components.list()[i].area);
+  result.triangles += extractor.extract(query, measured).triangles;
+  if (!by_component) return;
+  ColoredPieces& pieces = result.pieces.emplace_back();
+  pieces.isovalue = query.isovalue;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    if (is_kept[i] == 0) continue;
+    ++pieces.count;
+    if (pieces.largest.size() < kComponentColorCount) pieces.largest.emplace_back(i, list[i].area);
+  }
+}
+
+void extractForPicture(const Pyramid& pyramid, const Query& query, int number,
+                       const std::optional<std::uint64_t>& keep_largest, bool by_component,
+                       ProgressBar& bar, DrawableSurface& result) {
+  std::mutex mutex;
+  const std::size_t first = result.chunks.size();
+  ChunkSink sink({number}, {nullptr, by_component}, [&](std::size_t place, SurfaceChunk&& chunk) {
+    const std::lock_guard lock(mutex);
+    result.chunks.resize(std::max(result.chunks.size(), first + place + 1));
+    result.chunks[first + place] = std::move(chunk);
+  });
+  if (by_component || keep_largest)
+    return extractWithComponents(pyramid, query, keep_largest, by_component, bar, sink, result);
+  MeasuredSink measured(sink, bar);
+  result.triangles += extractIsosurface(pyramid, query, measured).triangles;
+}
+
+// Those of `given`, one for each surface, or `otherwise` of the surface's number.
+template <typename Look, typename Otherwise>
+Look lookOf(const std::vector<Look>& given, std::size_t number, const Otherwise& otherwise) {
+  return given.empty() ? otherwise(number) : given.at(number);
 }
 
 }  // namespace
 
-DrawableSurface extractPictureSurface(QueryOptions options, ViewState& view) {
+DrawableSurface extractPictureSurface(QueryOptions options, const PictureLooks& looks,
+                                      ViewState& view) {
   const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
                                     fileAccess(options.no_map), remoteOptions(options.input));
   const Pyramid& pyramid = *file;
   chooseIsovalues(options, pyramid);
-  const Query query = makeQuery(options, pyramid);
+  refuseTwinIsovalues(options.isovalues);
   DrawableSurface result;
   result.volume.voxels = pyramid.spec().voxels;
   result.volume.geometry = pyramid.spec().geometry;
-  view.surfaces[0].isovalue = query.isovalue;
-  if (query.focus) {
-    view.focus.center = query.focus->center;
-    view.focus.radius = query.focus->radius;
-  }
+  view.surfaces.assign(options.isovalues.size(), ViewSurface());
   ProgressBar bar(0, "million triangles");
-  std::mutex mutex;
-  const bool by_component = view.coloring == ViewColoring::kComponent;
-  ChunkSink sink({}, {nullptr, by_component}, [&](std::size_t place, SurfaceChunk&& chunk) {
-    const std::lock_guard lock(mutex);
-    if (result.chunks.size() <= place) result.chunks.resize(place + 1);
-    result.chunks[place] = std::move(chunk);
-  });
-  if (by_component) {
-    extractWithComponents(pyramid, query, bar, sink, result);
-  } else {
-    MeasuredSink measured(sink, bar);
-    result.triangles = extractIsosurface(pyramid, query, measured).triangles;
+  for (std::size_t i = 0; i < view.surfaces.size(); ++i) {
+    options.isovalue = *options.isovalues[i];
+    const Query query = makeQuery(options, pyramid);
+    ViewSurface& surface = view.surfaces[i];
+    surface.isovalue = query.isovalue;
+    surface.inside = query.inside;
+    surface.color = lookOf(looks.colors, i, [&](std::size_t number) {
+      return number == 0 ? surface.color : componentColor(number);
+    });
+    surface.opacity = lookOf(looks.opacities, i, [](std::size_t) { return 1.0; });
+    if (query.focus) {
+      view.focus.center = query.focus->center;
+      view.focus.radius = query.focus->radius;
+    }
+    extractForPicture(pyramid, query, static_cast<int>(i), looks.keep_largest,
+                      view.coloring == ViewColoring::kComponent, bar, result);
+    warnOfEmptySurface(options, pyramid);
   }
-  warnOfEmptySurface(options, pyramid);
   return result;
 }
 

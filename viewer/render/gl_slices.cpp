@@ -80,9 +80,12 @@ void GlSlices::draw(const GlProgram& program, const SceneView& view,
   setUniform(program, "across", glm::vec3(view.to_eye * slice.across));
   setUniform(program, "along", glm::vec3(view.to_eye * slice.along));
   setUniform(program, "window", glm::vec2(glm::dvec2(slice.black, slice.white)));
+  using Limits = std::numeric_limits<float>;
+  const float least = slice.below_value ? Limits::infinity() : Limits::lowest();
   setUniform(program, "least_value",
-             slice.least_value ? static_cast<float>(*slice.least_value)
-                               : std::numeric_limits<float>::lowest());
+             slice.least_value ? static_cast<float>(*slice.least_value) : least);
+  setUniform(program, "below_value",
+             slice.below_value ? static_cast<float>(*slice.below_value) : -Limits::infinity());
   setUniform(program, "opacity", static_cast<float>(slice.opacity));
   glBindTextureUnit(0, *slices_.at(slice.image).texture);
   glBindVertexArray(*empty_array_);

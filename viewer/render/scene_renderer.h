@@ -44,8 +44,9 @@ inline constexpr std::array<Background, 3> kBackgrounds{{
 struct SceneSlice {
   SliceId image = 0;
   glm::dvec3 corner{0.0}, across{0.0}, along{0.0};  // world
-  // Draws only values of at least this: the inside of a cut surface, or what is not air.
-  std::optional<double> least_value;
+  // Draws only values of at least the one, or below the other: the inside of a cut surface, or what
+  // is not air. With neither of them all values.
+  std::optional<double> least_value, below_value;
   // The clip plane that it caps, which then does not cut it: an index of SceneFrame::clip_planes.
   int cap_of = -1;
   double black = 0.0, white = 1.0;  // data units

@@ -328,6 +328,7 @@ in vec2 place;
 layout(binding = 0) uniform sampler2D values;
 uniform vec2 window;
 uniform float least_value;
+uniform float below_value;
 uniform float opacity;
 #ifndef AS_LAYERS
 out vec4 color;
@@ -338,7 +339,7 @@ void main() {
   float value = texture(values, (place * (size - 1.0) + 0.5) / size).r;
   // Nor where there is no value, by the bits of NaN: a driver may compare as if there were none.
   bool is_known = (floatBitsToUint(value) & 0x7fffffffu) <= 0x7f800000u;
-  bool is_shown = is_known && value >= least_value;
+  bool is_shown = is_known && (value >= least_value || value < below_value);
   float grey = clamp((value - window.x) / max(window.y - window.x, 1e-30), 0.0, 1.0);
   vec4 shown = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), opacity);  // warm, unlike every surface
 #ifdef AS_LAYERS

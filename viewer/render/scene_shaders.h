@@ -70,8 +70,8 @@ constexpr double kLineReach = 2.0;
 // A parallelogram of values, as grey from black to white. Draw 4 vertices as a strip.
 // Uniforms: vec3 corner, across, along (eye coordinates); vec4 projection; bool orthographic;
 // vec4 clip_planes[6]; int clip_count; sampler2D values at unit 0; vec2 window (black, white);
-// float least_value (below it nothing is drawn), opacity. `as_layers`: as of surfaces; a slice has
-// no depth there.
+// float least_value, below_value (values of at least the one or below the other are drawn),
+// opacity. `as_layers`: as of surfaces; a slice has no depth there.
 GlProgram makeSliceProgram(bool as_layers);
 
 // A translucent sphere, to be blended as premultiplied colours. Draw kSphereVertices vertices

@@ -153,10 +153,17 @@ SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& st
   slice.opacity = state.slice_opacity;
   if (wanted.cap_of >= 0) {
     slice.opacity = 1.0;
-    double least = std::numeric_limits<double>::infinity();
-    for (const ViewSurface& surface : state.surfaces)
-      if (surface.visible) least = std::min(least, surface.isovalue);
-    slice.least_value = volume.stored_values.stored(least);
+    slice.least_value.reset();
+    for (const ViewSurface& surface : state.surfaces) {
+      if (!surface.visible) continue;
+      const double value = volume.stored_values.stored(surface.isovalue);
+      if (surface.inside == InsideOf::kBelow)
+        slice.below_value = std::max(value, slice.below_value.value_or(value));
+      else
+        slice.least_value = std::min(value, slice.least_value.value_or(value));
+    }
+    if (!slice.least_value && !slice.below_value)
+      slice.least_value = std::numeric_limits<double>::infinity();
   }
   return slice;
 }

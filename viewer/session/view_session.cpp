@@ -344,6 +344,12 @@ void ViewSession::measureSelectedPiece() {
   const ListedComponents& listed = *pieces_.listed();
   state_.piece_measures.push_back(
       measureOf(*piece, listed.isovalue(), listed.level() + shown_.firstLevel()));
+  state_.piece_measures.back().volume = volumeOf(*piece);
+}
+
+std::optional<double> ViewSession::volumeOf(const SurfaceComponent& piece) const {
+  if (!piece.volume || activeSurface(state_).inside == InsideOf::kAbove) return piece.volume;
+  return -*piece.volume;
 }
 
 // Asks for the lists that the surfaces are coloured by, and takes those that are there.

@@ -152,6 +152,8 @@ class ViewSession {
   void hideSelectedPiece();
   // Its measures go into the state, if there is room.
   void measureSelectedPiece();
+  // The volume that a listed piece encloses on the active surface's inner side; none: it is open.
+  std::optional<double> volumeOf(const SurfaceComponent& piece) const;
 
   // The lists of pieces that are known, whoever asked for them.
   const KnownComponents& known() const { return *known_; }

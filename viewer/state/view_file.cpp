@@ -56,7 +56,7 @@ ISOBRICK_FIELDS(ViewCamera, pivot, distance, azimuth, elevation, vertical_fov, o
 ISOBRICK_FIELDS(ComponentSeed, point, area)
 ISOBRICK_FIELDS(PieceChoice, keep, hide, least_area)
 ISOBRICK_FIELDS(ViewPieceMeasure, isovalue, level, area, volume, lower, upper, center, point)
-ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces)
+ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces, inside)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
@@ -71,6 +71,7 @@ ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_to
                 measurements, piece_measures, mesh_distance, wireframe, show_transitions, show_box,
                 show_handles, background_top, background_bottom)
 
+constexpr std::array<std::string_view, 2> namesOf(InsideOf) { return {"above", "below"}; }
 constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other", "plane_distance", "component"};
 }

@@ -117,7 +117,8 @@ SurfaceWish SurfaceWish::withoutLists() const {
 SurfaceWish wishOf(const ViewState& state, const ViewVolume& volume, double height) {
   SurfaceWish wish;
   for (const ViewSurface& surface : state.surfaces)
-    wish.surfaces.push_back({surface.isovalue, surface.pieces, surface.visible});
+    wish.surfaces.push_back(
+        {surface.isovalue, surface.pieces, surface.visible, nullptr, surface.inside});
   wish.radius = wantedRadius(state, volume);
   wish.detail.focus = state.focus.center;
   wish.detail.curvature_tolerance = state.curvature_tolerance;
@@ -140,6 +141,7 @@ Query queryOf(const SurfaceWish& wish, const ViewVolume& volume, std::size_t sur
               double radius) {
   Query query;
   query.isovalue = wish.surfaces[surface].isovalue;
+  query.inside = wish.surfaces[surface].inside;
   query.curvature_tolerance = wish.detail.curvature_tolerance;
   query.view = wish.detail.view;
   if (radius < volume.diagonal()) query.focus = FocusSphere{wish.detail.focus, radius};

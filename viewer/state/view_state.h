@@ -26,6 +26,7 @@ struct ViewSurface {
   double opacity = 1.0;  // 0 .. 1
   bool visible = true;
   PieceChoice pieces = {};  // that are shown of it
+  InsideOf inside = InsideOf::kAbove;
 
   bool operator==(const ViewSurface&) const = default;
 };
@@ -184,6 +185,7 @@ struct SurfaceWish {
     PieceChoice pieces = {};
     bool visible = true;
     std::shared_ptr<const ListedComponents> listed = {};  // that it is coloured by; null: none
+    InsideOf inside = InsideOf::kAbove;
 
     bool operator==(const Surface&) const = default;
   };

@@ -9,6 +9,8 @@
 #include <optional>
 #include <vector>
 
+#include "isobrick/extract/query.h"
+
 namespace isobrick {
 
 // The value of a vertex that has none.
@@ -41,6 +43,7 @@ struct ChunkKey {
   std::uint64_t components = 0;         // a number for the list that colours them; 0: none
   int level = 0;                        // of the pyramid
   std::array<std::int64_t, 3> brick{};  // of that level
+  InsideOf inside = InsideOf::kAbove;   // of the query
 
   auto operator<=>(const ChunkKey&) const = default;  // an order of any kind
 };

@@ -128,6 +128,11 @@ void isovalueControls(ViewSession& session, float scale) {
   const std::string format = text("%%.%dg", digitsOf(session.volume()));
   ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, format.c_str());
   explain("Of the active surface. The left and right arrows move it, with Shift faster.");
+  InsideOf& inside = activeSurface(state).inside;
+  bool is_below = inside == InsideOf::kBelow;
+  ImGui::SameLine();
+  if (ImGui::Checkbox("below", &is_below)) inside = is_below ? InsideOf::kBelow : InsideOf::kAbove;
+  explain("The inside is where values are below the isovalue: a dark object, or a level set.");
   contourSpectrum(session, scale);
   suggestions(session);
 }

@@ -63,10 +63,10 @@ void selectedPieceRow(ViewSession& session) {
   const SurfaceComponent* const piece = session.pieces().selectedPiece();
   if (piece == nullptr) return;
   const glm::dvec3 extent = piece->upper - piece->lower;
+  const std::optional<double> volume = session.volumeOf(*piece);
   ImGui::TextWrapped("%s; %.4g x %.4g x %.4g, centre %.4g %.4g %.4g",
-                     piece->volume ? text("encloses %.5g", *piece->volume).c_str() : "open",
-                     extent.x, extent.y, extent.z, piece->center.x, piece->center.y,
-                     piece->center.z);
+                     volume ? text("encloses %.5g", *volume).c_str() : "open", extent.x, extent.y,
+                     extent.z, piece->center.x, piece->center.y, piece->center.z);
   explain(
       "Enclosed volume (below 0 for the wall of a hollow), extent along x, y and z, centre of the "
       "surface, in world units.");

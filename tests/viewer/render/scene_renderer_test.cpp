@@ -199,7 +199,11 @@ TEST_F(SceneRendererTest, ClipPlanesCutAndTheirCapIsNotCut) {
   EXPECT_GT(seen(36, 32).g, 0.3f);     // above 50
   EXPECT_TRUE(isBlack(seen(22, 32)));  // below
   EXPECT_TRUE(isBlack(seen(44, 32)));  // no value
+  frame_.slices[0].below_value = 20.0;
+  EXPECT_FALSE(isBlack(seen(22, 32)));
   frame_.slices[0].least_value.reset();
+  EXPECT_TRUE(isBlack(seen(36, 32)));
+  frame_.slices[0].below_value.reset();
   EXPECT_FALSE(isBlack(seen(22, 32)));
   EXPECT_TRUE(isBlack(seen(44, 32)));
   renderer_->releaseSlice(cap.image);

@@ -585,7 +585,12 @@ TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
   EXPECT_FALSE(renderer_.frame().slices[0].least_value);
   EXPECT_EQ(renderer_.frame().slices[1].cap_of, 0);
   EXPECT_EQ(renderer_.frame().slices[1].least_value, state.surfaces[0].isovalue);
+  EXPECT_FALSE(renderer_.frame().slices[1].below_value);
   EXPECT_EQ(renderer_.frame().clip_planes.size(), 1u);
+  state.surfaces[0].inside = InsideOf::kBelow;
+  settle();
+  EXPECT_FALSE(renderer_.frame().slices[1].least_value);
+  EXPECT_EQ(renderer_.frame().slices[1].below_value, state.surfaces[0].isovalue);
   const SliceId first = renderer_.frame().slices[0].image;
   state.slices[0].shown = false;
   state.clip_planes[0].enabled = false;
