@@ -27,9 +27,10 @@ struct MeshShift {
 
 struct ExtractArguments {
   QueryOptions query;
-  std::string output;              // empty: the mesh is counted only
-  VolumeInput attribute;           // whose values vertices get; path empty: none
-  bool number_components = false;  // vertices get the number of their component instead
+  std::optional<std::uint64_t> label;  // whose surface it is
+  std::string output;                  // empty: the mesh is counted only
+  VolumeInput attribute;               // whose values vertices get; path empty: none
+  bool number_components = false;      // vertices get the number of their component instead
   std::optional<std::uint64_t> most_triangles;
   bool drop_small = false;
   bool list_components = false;
@@ -47,6 +48,8 @@ struct ExtractArguments {
 // Of `isobrick extract -o`: the file of each isovalue, or of several isovalues with the value
 // behind its stem, "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
 std::vector<std::string> meshNames(const ExtractArguments& arguments);
+// "bone-500.ply" for "bone.ply" and 500.
+std::string nameWith(const std::string& output, const std::string& what);
 // Throws Error if a file is in the way: before the work, so that a path that cannot be written
 // costs no time.
 void refuseOutputs(const ExtractArguments& arguments);

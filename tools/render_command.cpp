@@ -163,7 +163,7 @@ int runRender(RenderArguments arguments) {
 
 void checkArguments(RenderArguments& arguments, bool has_isovalue) {
   const std::size_t states = arguments.states.size();
-  if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --state");
+  if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --label, or --state");
   if (states > 1 && arguments.pictures == 1)
     throw UsageError("several --state are the stops of a path; say how many --pictures it has");
   if (arguments.pictures == 1 && isSequenceName(arguments.output))
@@ -257,7 +257,7 @@ Command addRenderCommand(CLI::App& app) {
              "what is seen from where; several are the stops of a path")
           ->type_name("VIEW.json")
           ->allow_extra_args(false);
-  CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);
+  findOption(*sub, "--iso")->required(false);
   for (CLI::Option* const option : optionsBeside(
            *sub, {"FILE", "--output", "--size", "--dpi", "--pictures", "--pictures-per-second",
                   "--memory", "--help", "--threads", "--state", "--force", "--no-map"}))
@@ -265,8 +265,8 @@ Command addRenderCommand(CLI::App& app) {
   sub->footer(R"(
 Example:
   isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png)");
-  return {sub, [arguments, state, isovalue] {
-            checkArguments(*arguments, isovalue->count() > 0);
+  return {sub, [arguments, state] {
+            checkArguments(*arguments, !arguments->query.isovalues.empty());
             if (state->count() > 0) return renderStates(*arguments);
             return runRender(*arguments);
           }};
