@@ -36,6 +36,7 @@ set(isobrick_public_headers
   viewer/stream/surface_stream.h
   # a volume in, a pyramid out; and volumes to other formats
   preprocess/brick_stream.h
+  preprocess/derived_volume.h
   preprocess/divided_pyramid.h
   preprocess/export/formats/export_volume.h
   preprocess/export/volume_writer.h

@@ -211,7 +211,7 @@ class BrickStream::TypedRun final : public Run {
         window_(std::make_shared<VoxelWindow<T>>(layout_)) {
     ValueRange values = rangeOfType<T>();
     if (!fits()) return;
-    if constexpr (std::is_same_v<T, float>) values = range();
+    if constexpr (std::is_same_v<T, float>) values = info_.bounds ? *info_.bounds : range();
     pyramid_ = std::make_unique<Pyramid>(info_.source, level0Spec(info_), values, window_);
   }
 

@@ -32,6 +32,8 @@ struct VolumeInfo {
   RealRange range = {};
   // The type of the input's numbers, if no pyramid holds it and others are delivered.
   std::optional<VoxelType> numbers = {};
+  // Of float32, if they are known before any is read: bounds of the voxels that are delivered.
+  std::optional<ValueRange> bounds = {};
 };
 
 // A volume that is read once, in order, a few rows at a time; or box by box, if readsBoxes().

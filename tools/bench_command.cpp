@@ -35,16 +35,12 @@ struct BenchArguments {
 // words for every row, and those that make a query adaptive.
 void splitQueryWords(BenchArguments& arguments) {
   BenchSettings& settings = arguments.settings;
-  settings.own_words = {settings.path};
+  settings.own_words = {settings.path, "--iso", fmt::format("{}", settings.isovalue)};
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
     if (option->count() == 0) continue;
     if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
-    if (name == "--iso") {  // chosen by now
-      settings.own_words.insert(settings.own_words.end(),
-                                {name, fmt::format("{}", settings.isovalue)});
-      continue;
-    }
+    if (name == "--iso") continue;  // chosen by now
     const bool of_every_row = name == "--memory" || name == "--no-map";
     std::vector<std::string>& words = of_every_row ? settings.own_words : settings.query_words;
     if (option->get_expected_max() == 0) words.push_back(name);

@@ -2,10 +2,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
@@ -104,7 +107,7 @@ bool needsNoPyramid(const ExtractArguments& arguments) {
   const QueryOptions& query = arguments.query;
   const bool is_known = std::all_of(query.isovalues.begin(), query.isovalues.end(),
                                     [](const auto& isovalue) { return isovalue.has_value(); });
-  return isVolume(query.input.path) && query.input.cache_folder.empty() && is_known &&
+  return isReadAsVolume(query.input) && query.input.cache_folder.empty() && is_known &&
          !masksNan(query.input) && isFinest(query.choice) && query.or_finer.empty() &&
          !arguments.most_triangles && !arguments.part && arguments.repeat == 1 &&
          !isShareName(arguments.output);
@@ -113,6 +116,49 @@ bool needsNoPyramid(const ExtractArguments& arguments) {
 ExtractResults extractFromPyramid(ExtractArguments& arguments) {
   if (arguments.query.input.pyramid.empty()) findPyramid(arguments.query);
   return runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
+}
+
+ExtractResults extractOneVolume(ExtractArguments& arguments) {
+  std::optional<ExtractResults> results;
+  if (needsNoPyramid(arguments)) results = extractVolume(arguments);
+  return results ? std::move(*results) : extractFromPyramid(arguments);
+}
+
+// The arguments for each of the labels, whose surfaces get files of their own if there are several;
+// the arguments as they are without --label.
+std::vector<ExtractArguments> argumentsOfLabels(const ExtractArguments& arguments) {
+  const auto given = arguments.query.input.derivation.find("--label");
+  if (given == arguments.query.input.derivation.end() || given->second.empty()) return {arguments};
+  std::vector<ExtractArguments> all;
+  try {
+    for (const std::uint64_t label : parseLabels(given->second)) {
+      all.push_back(arguments);
+      all.back().label = label;
+      all.back().query.input.derivation["--label"] = fmt::format("{}", label);
+    }
+  } catch (const std::invalid_argument& failure) {
+    throw UsageError(fmt::format("--label: {}", failure.what()));
+  }
+  if (all.size() > 1 && !arguments.output.empty())
+    for (ExtractArguments& one : all)
+      one.output = nameWith(arguments.output, fmt::format("{}", *one.label));
+  return all;
+}
+
+// One after the other; each is a volume of its own.
+ExtractResults extractAll(std::vector<ExtractArguments> all) {
+  std::optional<ExtractResults> results;
+  for (ExtractArguments& arguments : all) {
+    ExtractResults one = extractOneVolume(arguments);
+    for (ExtractResult& surface : one.surfaces) surface.label = arguments.label;
+    if (!results) {
+      results = std::move(one);
+      continue;
+    }
+    results->open_seconds += one.open_seconds;
+    std::move(one.surfaces.begin(), one.surfaces.end(), std::back_inserter(results->surfaces));
+  }
+  return *results;
 }
 
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
@@ -135,21 +181,24 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (!arguments.colors.empty() && arguments.colors.size() != arguments.query.isovalues.size())
     throw UsageError("--color is wanted once for each isovalue of --iso, in their order");
   refuseTwinIsovalues(arguments.query.isovalues);
+  std::vector<ExtractArguments> all = argumentsOfLabels(arguments);
   if (isPrecomputedName(arguments.output)) {
+    if (all.size() > 1)
+      throw UsageError(
+          "a .precomputed output is of one volume; give one --label, or another format");
     refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
     return runExtractMeshes(arguments.query, arguments.output, arguments.json);
   }
-  refuseOutputs(arguments);
+  for (const ExtractArguments& one : all) refuseOutputs(one);
   attribute.cache_folder = arguments.query.input.cache_folder;
   if (!attribute.path.empty())
     findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
-  std::optional<ExtractResults> results;
-  if (needsNoPyramid(arguments)) results = extractVolume(arguments);
-  if (!results) results = extractFromPyramid(arguments);
+  for (ExtractArguments& one : all) one.attribute = attribute;
+  const ExtractResults results = extractAll(std::move(all));
   if (arguments.json)
-    printJson(jsonOfResults(*results));
+    printJson(jsonOfResults(results));
   else
-    printResults(*results);
+    printResults(results);
   return 0;
 }
 
@@ -189,7 +238,7 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                      "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; "
                      ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
                      "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
-                     "isovalues gets a file: mesh-500.ply")
+                     "isovalues or labels gets a file: mesh-500.ply")
           ->type_name("MESH");
   addForceFlag(app, arguments.force)->needs(output);
   CLI::Option* const part = addParsedOption(

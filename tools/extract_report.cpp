@@ -76,6 +76,12 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
                          {"vertices_outside", result.vertices_outside}};
   if (results.numbers_components) json["attribute"] = {{"name", kComponentAttribute}};
   json["isovalue"] = result.isovalue;
+  if (result.label) json["label"] = *result.label;
+  if (result.moved)
+    json["moved"] = {{"mean", result.moved->mean()},
+                     {"most", result.moved->most},
+                     {"crossings", result.moved->crossings},
+                     {"gone", result.moved->gone}};
   if (results.part) json["part"] = {{"number", results.part->number}, {"of", results.part->of}};
   if (result.simplify) json["simplify"] = result.simplify->distance;
   const auto& [space, mesh_unit, shift] = result.placement;
@@ -117,6 +123,14 @@ void printSummary(const ExtractResult& result, LengthUnit unit) {
   const ExtractionReport& report = result.report;
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));
+  if (result.moved)
+    fmt::print("  moved by --denoise: {:.3g} voxels in the mean, {:.3g} at most{}\n",
+               result.moved->mean(), result.moved->most,
+               result.moved->gone > 0
+                   ? fmt::format("; {} of {} crossings of voxel edges are gone",
+                                 countText(result.moved->gone),
+                                 countText(result.moved->gone + result.moved->crossings))
+                   : "");
   if (result.simplify)
     fmt::print("  within {} of {}\n", distanceText(*result.simplify, unit),
                result.is_finest ? "the finest surface" : "this surface without --simplify");
@@ -161,7 +175,9 @@ void printResults(const ExtractResults& results) {
   double write_seconds = 0;
   for (const ExtractResult& result : results.surfaces) {
     if (result.components) extract_text += fmt::format(" {:.4f} +", result.components_seconds);
-    if (results.surfaces.size() > 1) fmt::print("isovalue {}: ", result.isovalue);
+    if (results.surfaces.size() > 1)
+      fmt::print("{}: ", result.label ? fmt::format("label {}", *result.label)
+                                      : fmt::format("isovalue {}", result.isovalue));
     printSummary(result, results.unit);
     for (const double seconds : result.extract_seconds)
       extract_text += fmt::format(" {:.4f}", seconds);

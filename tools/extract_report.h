@@ -10,6 +10,7 @@
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/preprocess/derived_volume.h"
 #include "isobrick/storage/brick_pager.h"
 #include "isobrick/storage/remote_options.h"
 #include "isobrick/storage/share_number.h"
@@ -24,6 +25,8 @@ inline constexpr const char* kComponentAttribute = "component";
 struct ExtractResult {
   std::string output;  // empty: counted only
   double isovalue = 0;
+  std::optional<std::uint64_t> label;  // whose surface it is
+  std::optional<SurfaceShift> moved;   // by --denoise, if the volume was smoothed just now
   std::optional<SimplifyOptions> simplify;
   bool is_finest = true;    // level 0 everywhere
   MeshPlacement placement;  // of the file

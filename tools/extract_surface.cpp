@@ -50,15 +50,18 @@ std::vector<std::string> meshNames(const ExtractArguments& arguments) {
   const std::vector<std::optional<double>>& isovalues = arguments.query.isovalues;
   if (arguments.output.empty() || isovalues.size() == 1 || arguments.together)
     return std::vector<std::string>(isovalues.size(), arguments.output);
-  const fs::path output = arguments.output;
   std::vector<std::string> names;
   for (const std::optional<double>& isovalue : isovalues)
-    names.push_back(
-        isovalue ? (output.parent_path() / fmt::format("{}-{}{}", output.stem().string(), *isovalue,
-                                                       output.extension().string()))
-                       .string()
-                 : std::string());
+    names.push_back(isovalue ? nameWith(arguments.output, fmt::format("{}", *isovalue))
+                             : std::string());
   return names;
+}
+
+std::string nameWith(const std::string& output, const std::string& what) {
+  const fs::path path = output;
+  return (path.parent_path() /
+          fmt::format("{}-{}{}", path.stem().string(), what, path.extension().string()))
+      .string();
 }
 
 void refuseOutputs(const ExtractArguments& arguments) {

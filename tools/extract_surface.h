@@ -25,9 +25,10 @@ namespace isobrick {
 
 struct ExtractArguments {
   QueryOptions query;
-  std::string output;              // empty: the mesh is counted only
-  VolumeInput attribute;           // whose values vertices get; path empty: none
-  bool number_components = false;  // vertices get the number of their component instead
+  std::optional<std::uint64_t> label;  // whose surface it is
+  std::string output;                  // empty: the mesh is counted only
+  VolumeInput attribute;               // whose values vertices get; path empty: none
+  bool number_components = false;      // vertices get the number of their component instead
   std::optional<std::uint64_t> most_triangles;
   bool drop_small = false;
   bool list_components = false;
@@ -48,6 +49,8 @@ struct ExtractArguments {
 // behind its stem, "bone-500.ply" and "bone-1200.ply", unless all go together. Empty for one that
 // is not chosen yet.
 std::vector<std::string> meshNames(const ExtractArguments& arguments);
+// "bone-500.ply" for "bone.ply" and 500.
+std::string nameWith(const std::string& output, const std::string& what);
 // Throws Error if a file is in the way: before the work, so that a path that cannot be written
 // costs no time.
 void refuseOutputs(const ExtractArguments& arguments);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -158,6 +159,26 @@ glm::vec3 parseColor(const std::string& text) {
   for (const double part : v) fits = fits && part >= 0 && part <= 1;
   if (!fits) refuse(text, "a colour R,G,B of three numbers from 0 to 1 without spaces");
   return glm::vec3(glm::dvec3(v[0], v[1], v[2]));
+}
+
+std::uint64_t parseLabel(const std::string& text) {
+  std::uint64_t label = 0;
+  const char* const end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, label);
+  if (read.ec != std::errc() || read.ptr != end)
+    refuse(text, "a label, a whole number from 0 to 18446744073709551615");
+  return label;
+}
+
+std::vector<std::uint64_t> parseLabels(const std::string& text) {
+  std::vector<std::uint64_t> labels;
+  for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
+    end = text.find(',', begin);
+    labels.push_back(parseLabel(text.substr(begin, end - begin)));
+    if (std::count(labels.begin(), labels.end(), labels.back()) > 1)
+      throw std::invalid_argument("'" + text + "' names a label twice; leave one out");
+  }
+  return labels;
 }
 
 ShareNumber parseShare(const std::string& text) {

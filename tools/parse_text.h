@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "isobrick/storage/grid.h"
 #include "isobrick/storage/share_number.h"
@@ -32,6 +33,11 @@ glm::dvec3 parsePoint(const std::string& text);
 Index3 parseIndex3(const std::string& text);
 // "65536", "256M", "1.5G": K, M, G and T stand for powers of 1024.
 std::uint64_t parseByteSize(const std::string& text);
+
+// A label, 0 to 2^64 - 1.
+std::uint64_t parseLabel(const std::string& text);
+// "3,7"
+std::vector<std::uint64_t> parseLabels(const std::string& text);
 
 // "3/8"
 ShareNumber parseShare(const std::string& text);

@@ -26,6 +26,9 @@
 namespace isobrick {
 namespace {
 
+// Half way from the voxels of a label, which become 1, to all others, which become 0.
+constexpr double kIsovalueOfLabel = 0.5;
+
 // The least box of voxel indices around a box of world coordinates: on an oblique volume it reaches
 // further than the box itself.
 QueryBox indexBoxAround(const Corners& box, const GridGeometry& geometry) {
@@ -78,15 +81,15 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   options.threads = allCores();
   addVolumeInput(app, options.input)->required();
   beginGroup(app, kSurfaceGroup);
-  addRepeatedOption(
+  CLI::Option* const isovalue = addRepeatedOption(
       app, "--iso",
       [&options, several](const std::string& text) { readIsovalues(options, text, several); },
       several ? "V,..." : "V",
       "Isovalue; values of at least V are inside (see --inside). 'auto' is the first one that "
       "`isobrick info` "
       "suggests" +
-          std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""))
-      ->required();
+          std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""));
+  isovalue->required();
   const Choices<std::optional<InsideOf>> sides = {
       {"above", InsideOf::kAbove}, {"below", InsideOf::kBelow}, {"auto", std::nullopt}};
   addChoiceOption(app, "--inside", options.inside, sides, "above|below|auto",
@@ -108,6 +111,11 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
                "spacing, so that the whole world sphere is of the finest level; on an oblique "
                "volume the box becomes the least box of indices around it");
   addVolumeOptions(app, options.input);
+  findOption(app, "--label")->excludes(isovalue)->each([&options, isovalue](const std::string&) {
+    isovalue->required(false);
+    options.isovalue = kIsovalueOfLabel;
+    options.isovalues = {options.isovalue};
+  });
   beginGroup(app, kResourceGroup);
   addMemoryOption(app, options.memory_bytes);
   addNoMapFlag(app, options.no_map);
@@ -231,6 +239,12 @@ bool warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
 bool warnOfEmptySurface(const VolumeInput& input, double isovalue, const Pyramid& pyramid,
                         const ValueRange& range) {
   if (range.crosses(pyramid.storedIsovalue(isovalue))) return false;
+  if (const auto label = input.derivation.find("--label");
+      label != input.derivation.end() && !label->second.empty()) {
+    fmt::print(stderr, "isobrick: warning: the mesh is empty: {} voxel of '{}' has the label {}\n",
+               range.max > 0 ? "every" : "no", oneLine(withoutSecrets(input.path)), label->second);
+    return true;
+  }
   const ValueTransform& values = pyramid.spec().values;
   fmt::print(stderr,
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "

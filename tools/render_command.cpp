@@ -167,7 +167,7 @@ int runRender(RenderArguments arguments) {
 
 void checkArguments(RenderArguments& arguments, bool has_isovalue) {
   const std::size_t states = arguments.states.size();
-  if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --state");
+  if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --label, or --state");
   const std::size_t surfaces = arguments.query.isovalues.size();
   const auto refuseCount = [&](std::size_t count, const char* option) {
     if (count != 0 && count != surfaces)
@@ -285,7 +285,7 @@ Command addRenderCommand(CLI::App& app) {
              "what is seen from where; several are the stops of a path")
           ->type_name("VIEW.json")
           ->allow_extra_args(false);
-  CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);
+  findOption(*sub, "--iso")->required(false);
   for (CLI::Option* const option : optionsBeside(
            *sub, {"FILE", "--output", "--size", "--dpi", "--pictures", "--pictures-per-second",
                   "--memory", "--help", "--threads", "--state", "--force", "--no-map"}))
@@ -294,8 +294,8 @@ Command addRenderCommand(CLI::App& app) {
 Example:
   isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png
   isobrick render head.isb --iso 530,1160 --opacity 0.3 --opacity 1 -o skull.png)");
-  return {sub, [arguments, state, isovalue] {
-            checkArguments(*arguments, isovalue->count() > 0);
+  return {sub, [arguments, state] {
+            checkArguments(*arguments, !arguments->query.isovalues.empty());
             if (state->count() > 0) return renderStates(*arguments);
             return runRender(*arguments);
           }};

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
@@ -12,6 +13,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
@@ -50,13 +52,28 @@ constexpr VolumeWord kVolumeWords[] = {
     {"--raw-offset", "BYTES", "Bytes in front of its first voxel"},
 };
 
+constexpr VolumeWord kDerivationWords[] = {
+    {"--label", "ID",
+     "The surface of a label of an integer volume: half way between its voxels and all others; in "
+     "place of --iso. Neighbours have walls of their own"},
+    {"--denoise", "SIGMA",
+     "Smooth the volume, or the label, first: a Gaussian of so many voxels, sharpened so that "
+     "round "
+     "shapes keep their size; up to 10"},
+};
+
+template <std::size_t kCount>
+bool isOneOf(const VolumeWord (&words)[kCount], const std::string& option) {
+  return std::any_of(std::begin(words), std::end(words),
+                     [&](const VolumeWord& word) { return option == word.option; });
+}
+
 // Whether all options that the text names are among those, or are this command's too.
 bool namesVolumeWordsOnly(const std::string& text) {
   const std::vector<std::string> options = optionsNamedIn(text);
   return std::all_of(options.begin(), options.end(), [](const std::string& option) {
     return option == "--select" || option == "--mask-nan" || option == "--cache-folder" ||
-           std::any_of(std::begin(kVolumeWords), std::end(kVolumeWords),
-                       [&](const VolumeWord& word) { return option == word.option; });
+           isOneOf(kVolumeWords, option) || isOneOf(kDerivationWords, option);
   });
 }
 
@@ -64,7 +81,7 @@ bool isPhantomName(const std::string& input) { return input.rfind("phantom:", 0)
 
 // Whole, so that no path is taken for an option, and a pyramid says of what it was made.
 std::string wholePath(const std::string& volume) {
-  if (isPhantomName(volume)) return volume;
+  if (isPhantomName(volume) || isRemotePath(volume)) return volume;
   const fs::path whole = absolutePath(volume);
   return (whole.has_filename() ? whole : whole.parent_path()).string();
 }
@@ -147,6 +164,10 @@ void addVolumeOptions(CLI::App& app, VolumeInput& input) {
     app.add_option(word.option, input.words[word.option], word.description)
         ->type_name(word.type)
         ->group(kVolumeGroup);
+  for (const VolumeWord& word : kDerivationWords)
+    app.add_option(word.option, input.derivation[word.option], word.description)
+        ->type_name(word.type)
+        ->group(kDerivationGroup);
   addCacheFolderOption(app, input.cache_folder)->group(kVolumeGroup);
   addCacheSizeOption(app, input.cache_bytes);
 }
@@ -181,9 +202,15 @@ bool isVolume(const std::string& path) {
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {
   std::vector<std::string> all = input.selections;
-  for (const auto& [option, value] : input.words)
-    if (!value.empty()) all.push_back(option + "=" + value);
+  for (const auto& words : {input.words, input.derivation})
+    for (const auto& [option, value] : words)
+      if (!value.empty()) all.push_back(option + "=" + value);
   return all;
+}
+
+bool isReadAsVolume(const VolumeInput& input) {
+  return isVolume(input.path) || std::any_of(input.derivation.begin(), input.derivation.end(),
+                                             [](const auto& word) { return !word.second.empty(); });
 }
 
 void refuseWordsForPyramid(const VolumeInput& input) {
@@ -213,7 +240,7 @@ std::string pyramidOfVolume(const std::string& volume, const VolumeBuild& build,
 
 std::string findPyramidOrFacts(VolumeInput& input) {
   input.pyramid = input.path;
-  if (!isVolume(input.path)) {
+  if (!isReadAsVolume(input)) {
     refuseWordsForPyramid(input);
     return {};
   }
@@ -228,7 +255,7 @@ std::string findPyramidOrFacts(VolumeInput& input) {
 
 void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes) {
   input.pyramid = input.path;
-  if (!isVolume(input.path)) return refuseWordsForPyramid(input);
+  if (!isReadAsVolume(input)) return refuseWordsForPyramid(input);
   VolumeBuild build{input.cache_folder, wordsForBuild(input), {}};
   build.words.insert(build.words.end(), {"--threads", std::to_string(threads)});
   if (memory_bytes)

@@ -22,13 +22,16 @@ struct VolumeInput {
   std::string path;                          // as the user named it
   std::string pyramid;                       // the file to open, after findPyramid()
   std::map<std::string, std::string> words;  // how to read a volume, by option of `isobrick build`
-  std::vector<std::string> selections;       // the same of --select and --mask-nan, a word each
-  std::string cache_folder;                  // empty: the default one
-  std::uint64_t cache_bytes = 0;             // of remote parts in that folder; 0: none stay
+  std::map<std::string, std::string> derivation;  // what is made of it, or of a pyramid; likewise
+  std::vector<std::string> selections;  // the same of --select and --mask-nan, a word each
+  std::string cache_folder;             // empty: the default one
+  std::uint64_t cache_bytes = 0;        // of remote parts in that folder; 0: none stay
 };
 
 // The --help group of the options that say how to read a volume.
 inline constexpr char kVolumeGroup[] = "If FILE is a volume";
+// That of the options that make another volume of FILE.
+inline constexpr char kDerivationGroup[] = "Volume";
 // The same of those for a pyramid behind a URL.
 inline constexpr char kRemoteGroup[] = "If FILE is a URL";
 
@@ -37,9 +40,10 @@ template <typename App>
 auto optionsBeside(App& app, std::initializer_list<const char*> names) {
   return app.get_options([&](const CLI::Option* option) {
     const std::string& group = option->get_group();
-    return !group.empty() && group != kVolumeGroup && group != kRemoteGroup &&
-           std::none_of(names.begin(), names.end(),
-                        [&](const char* name) { return option->check_name(name); });
+    return !group.empty() && group != kVolumeGroup && group != kDerivationGroup &&
+           group != kRemoteGroup && std::none_of(names.begin(), names.end(), [&](const char* name) {
+             return option->check_name(name);
+           });
   });
 }
 
@@ -51,7 +55,7 @@ inline bool masksNan(const VolumeInput& input) {
 
 // FILE.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
-// Options for reading it if it is a volume.
+// Options for reading it if it is a volume, and those that make another volume of it.
 void addVolumeOptions(CLI::App& app, VolumeInput& input);
 
 // --cache-folder.
@@ -69,13 +73,17 @@ inline RemoteOptions remoteOptions(const VolumeInput& input) {
 // opened as a pyramid, and that says what is wrong.
 bool isVolume(const std::string& path);
 
+// True if it is read as a volume: it is one, or a pyramid of which another volume is made.
+bool isReadAsVolume(const VolumeInput& input);
+
 // Throws UsageError if words for volumes were given.
 void refuseWordsForPyramid(const VolumeInput& input);
 
 // What `isobrick build` says to its caller, which has these options.
 Error tooLargeForCache(const std::string& volume, std::uint64_t bytes);
 
-// Sets input.pyramid: the path itself, or for a volume the pyramid in the cache, which stays there
+// Sets input.pyramid: the path itself, or if it is read as a volume the pyramid in the cache, which
+// stays there
 // until this process ends. Builds with `threads` and `memory_bytes` (nothing: the default), with a
 // progress bar. Throws Error, Cancelled, and UsageError if words for volumes come with a
 // pyramid.

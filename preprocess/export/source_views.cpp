@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/export/source_view.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
@@ -15,60 +16,6 @@
 
 namespace isobrick {
 namespace {
-
-// The common part of all views of a volume.
-class SourceView : public VolumeSource {
- public:
-  const VolumeInfo& info() const final { return info_; }
-  bool readsBoxes() const final { return source_->readsBoxes(); }
-  std::vector<std::string> files() const final { return source_->files(); }
-  std::vector<std::string> notesOfReading() const override { return source_->notesOfReading(); }
-  std::string identity() const final {
-    const std::string identity = source_->identity();
-    return identity.empty() ? identity : identity + "; " + info_.encoding;
-  }
-  std::uint64_t bufferBytes() const override { return source_->bufferBytes(); }
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    source_->readRows(first, count, out);
-  }
-  void readBox(const IndexBox& box, void* out) const override { source_->readBox(box, out); }
-  void chooseVoxels(const CancelFlag* cancel,
-                    const std::function<void(double)>& progress) override {
-    const std::size_t notes = source_->info().notes.size();
-    source_->chooseVoxels(cancel, progress);
-    takeChoice(notes);
-  }
-  void chooseVoxelsAs(const VolumeInfo& chosen) override {
-    const std::size_t notes = source_->info().notes.size();
-    source_->chooseVoxelsAs(chosen);
-    takeChoice(notes);
-  }
-
- protected:
-  SourceView(std::unique_ptr<VolumeSource> source, const std::string& what)
-      : source_(std::move(source)), info_(source_->info()) {
-    info_.encoding += (info_.encoding.empty() ? "" : "; ") + what;
-  }
-
-  std::unique_ptr<VolumeSource> source_;
-  VolumeInfo info_;
-
- private:
-  // Whether its voxels have another type than the source's, which may choose later.
-  virtual bool hasTypeOfItsOwn() const { return false; }
-  // With the notes of the source from number `first_note` on.
-  void takeChoice(std::size_t first_note) {
-    const VolumeInfo& chosen = source_->info();
-    if (!hasTypeOfItsOwn()) {
-      info_.voxel_type = chosen.voxel_type;
-      info_.values = chosen.values;
-      info_.range = chosen.range;
-    }
-    info_.notes.insert(info_.notes.end(),
-                       chosen.notes.begin() + static_cast<std::ptrdiff_t>(first_note),
-                       chosen.notes.end());
-  }
-};
 
 class CroppedSource final : public SourceView {
  public:
@@ -171,7 +118,7 @@ class MappedSource : public SourceView {
   using SourceView::SourceView;
 
  private:
-  bool hasTypeOfItsOwn() const final { return true; }
+  void takeVoxels(const VolumeInfo&) final {}  // it has a type of its own
   // For the source's type and of info_.voxel_type.
   virtual void mapValues(const std::byte* from, std::size_t count, void* to) const = 0;
 
@@ -189,6 +136,7 @@ class RealSource final : public MappedSource {
     info_.voxel_type = type;
     info_.values = {};
     info_.numbers.reset();
+    info_.bounds.reset();
   }
 
   std::vector<std::string> notesOfReading() const override {
@@ -317,6 +265,33 @@ class WindowedSource final : public MappedSource {
   double least_ = 0, most_ = 0;  // of the type
 };
 
+class LabelSource final : public MappedSource {
+ public:
+  LabelSource(std::unique_ptr<VolumeSource> source, std::uint64_t label)
+      : MappedSource(std::move(source), concat("label ", label)), label_(label) {
+    info_.voxel_type = VoxelType::kUint8;
+    info_.values = {};
+    info_.numbers.reset();
+    info_.properties.clear();  // they are about the values as they were
+  }
+
+ private:
+  void mapValues(const std::byte* from, std::size_t count, void* to) const override {
+    visitNumberType(source_->info().voxel_type, [&](auto tag) {
+      using In = typename decltype(tag)::Type;
+      if constexpr (std::is_integral_v<In>) {
+        const In* const in = reinterpret_cast<const In*>(from);
+        const bool is_one = std::in_range<In>(label_);
+        const In label = is_one ? static_cast<In>(label_) : In{};
+        auto* const out = static_cast<std::uint8_t*>(to);
+        for (std::size_t i = 0; i < count; ++i) out[i] = is_one && in[i] == label ? 1 : 0;
+      }
+    });
+  }
+
+  const std::uint64_t label_;
+};
+
 }  // namespace
 
 std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> source,
@@ -365,6 +340,17 @@ std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> s
   if (type == VoxelType::kFloat32)
     throw Error("a window is for integer voxels; leave it out for float32");
   return std::make_unique<WindowedSource>(std::move(source), window, type);
+}
+
+std::unique_ptr<VolumeSource> makeLabelSource(std::unique_ptr<VolumeSource> source,
+                                              std::uint64_t label) {
+  source = makeRealSource(std::move(source), true, nullptr);
+  const VolumeInfo& info = source->info();
+  if (info.voxel_type == VoxelType::kFloat32 || info.voxel_type == VoxelType::kFloat64)
+    throw fileError(info.source, "cannot take a label of '", info.source, "': labels are whole ",
+                    "numbers, and it has ", voxelTypeName(info.voxel_type),
+                    "; give a volume of integers");
+  return std::make_unique<LabelSource>(std::move(source), label);
 }
 
 std::unique_ptr<VolumeSource> makePlacedSource(std::unique_ptr<VolumeSource> source,

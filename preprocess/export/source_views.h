@@ -55,6 +55,12 @@ struct ValueWindow {
 std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> source,
                                                  const ValueWindow& window, VoxelType type);
 
+// The indicator of a label: 1 where a voxel is this number and 0 elsewhere, as uint8. Compared as
+// the integers that they are, of 64 bits too: `source` delivers its numbers as the file has them
+// (OpenOptions::keep_numbers). Throws Error if they are no integers.
+std::unique_ptr<VolumeSource> makeLabelSource(std::unique_ptr<VolumeSource> source,
+                                              std::uint64_t label);
+
 // The same voxels with this spacing (each above 0) and origin in place of the source's, and a note
 // that says so. Throws Error for numbers that no volume can have.
 std::unique_ptr<VolumeSource> makePlacedSource(std::unique_ptr<VolumeSource> source,

@@ -153,12 +153,14 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
                     Remedy::kDescribeRawFile);
 }
 
-std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,
-                                            const OpenOptions& options, int level) {
-  if (!options.spacing && !options.origin) return source;
-  std::optional<glm::dvec3> spacing = options.spacing;
-  if (spacing) *spacing *= static_cast<double>(std::int64_t{1} << level);
-  return makePlacedSource(std::move(source), spacing, options.origin);
+std::unique_ptr<VolumeSource> viewAsGiven(std::unique_ptr<VolumeSource> source,
+                                          const OpenOptions& options, int level) {
+  if (options.spacing || options.origin) {
+    std::optional<glm::dvec3> spacing = options.spacing;
+    if (spacing) *spacing *= static_cast<double>(std::int64_t{1} << level);
+    source = makePlacedSource(std::move(source), spacing, options.origin);
+  }
+  return derivedVolume(std::move(source), options.derivation);
 }
 
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options) {
@@ -166,11 +168,10 @@ std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOpti
   // It is opened again to be read again, when nobody waits for the first of it.
   OpenOptions quiet = options;
   quiet.progress = nullptr;
-  auto source = options.keep_numbers ? openFormat(path, options)
-                                     : withVoxels(openFormat(path, options), [path, quiet] {
-                                         return openFormat(path, quiet);
-                                       });
-  return placedAsGiven(std::move(source), options, options.pyramid_level.value_or(0));
+  auto source = openFormat(path, options);
+  if (!takesNumbers(options.derivation) && !(options.keep_numbers && options.derivation.isNone()))
+    source = withVoxels(std::move(source), [path, quiet] { return openFormat(path, quiet); });
+  return viewAsGiven(std::move(source), options, options.pyramid_level.value_or(0));
 }
 
 }  // namespace isobrick

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "isobrick/preprocess/derived_volume.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/grid.h"
@@ -72,8 +73,11 @@ struct OpenOptions {
   // The component to take from NRRD, MetaImage, NIfTI and VTI with several values per voxel.
   // Without it such volumes are refused; with it all others are.
   std::optional<ComponentChoice> component;
+  // What is made of the volume as it is read, after all else.
+  Derivation derivation;
   // Delivers numbers that no pyramid holds (float64, integers of 32 and 64 bits) as they are, for
-  // writing them elsewhere. Without it VolumeSource::chooseVoxels() makes voxels of them.
+  // writing them elsewhere. Without it VolumeSource::chooseVoxels() makes voxels of them. A
+  // derivation takes no heed of it.
   bool keep_numbers = false;
   // The most bytes that the source should hold, if it has a choice: the pager of a pyramid, the
   // part of a grid that is in memory at a time. VolumeSource::bufferBytes() says how many it takes.
@@ -109,9 +113,9 @@ struct ReadableFormat {
 std::vector<ReadableFormat> readableFormats();
 
 // Gives a source that was opened otherwise, level `level` of a pyramid, the spacing and the origin
-// of the options, if they have them, as openVolume() does.
-std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,
-                                            const OpenOptions& options, int level = 0);
+// of the options, if they have them, and derives from it what they say, as openVolume() does.
+std::unique_ptr<VolumeSource> viewAsGiven(std::unique_ptr<VolumeSource> source,
+                                          const OpenOptions& options, int level = 0);
 
 // Throws the Error of openVolume() if the name or the kind of the path shows that it is not usable;
 // opens nothing.

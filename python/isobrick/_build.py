@@ -102,6 +102,14 @@ class _FileInput:
     channel: int | None
     image: int | None
     component: int | None
+    label: int | None = None
+    denoise: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.label is not None and not 0 <= self.label < 2**64:
+            raise Error(f"the label {self.label} is not within 0 and 2**64 - 1")
+        if not 0 <= self.denoise <= 10:
+            raise Error(f"denoise={self.denoise} is not within 0 and 10 voxels")
 
 
 @dataclass
@@ -116,6 +124,8 @@ class _ArrayDescription:
     type: str
     identity: str
     notes: list[str] = field(default_factory=list)
+    label: int | None = None
+    denoise: float = 0.0
 
 
 def build(
@@ -143,6 +153,8 @@ def build(
     channel: int | None = None,
     image: int | None = None,
     component: int | None = None,
+    label: int | None = None,
+    denoise: float = 0.0,
     super_brick: int = 2048,
     part: tuple[int, int] | None = None,
 ) -> BuildReport:
@@ -184,6 +196,13 @@ def build(
         same source stay: an array is known by its name and some of its voxels
     raw, series, grid, time, channel, image, component
         of files: a layout without a header, and what to take from a file with several volumes
+    label
+        of integers: 1 where a voxel is this label and 0 elsewhere, in place of the volume, compared exactly up to
+        2**64 - 1; the surface at 0.5 is that of the label
+    denoise
+        smooths the volume, or the label, first: the sigma of a Gaussian in voxels, at most 10, that is sharpened so
+        that round shapes keep their size; the pyramid is float32. 0: not at all. A file may be a pyramid then, or with
+        ``label``: its finest level is taken
     super_brick
         of ``.isbs``: cells along an edge of what one file holds, a power of two
     part
@@ -197,7 +216,10 @@ def build(
     with told_progress(progress, f"building {os.path.basename(name.rstrip('/'))}") as tell:
         builder = _Builder(
             source, direction,
-            _FileInput(raw, spacing, origin, series, grid, time, channel, image, component),
+            _FileInput(
+                raw, spacing, origin, series, grid, time, channel, image, component,
+                None if label is None else int(label), float(denoise),
+            ),
             _BuildSettings(
                 name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory), threads, tell, cancel,
                 super_brick if is_divided else 0, mask_nan=mask_nan,
@@ -330,6 +352,7 @@ def _describe_array(
     description = _ArrayDescription(
         (nx, ny, nz), place.spacing, place.origin, place.direction, place.is_millimetres,
         volume.format if volume.memory is not None else volume.name or volume.format, volume.format, type_, "", notes,
+        chosen.label, chosen.denoise,
     )  # fmt: skip
     if not identify:
         return description, delivered

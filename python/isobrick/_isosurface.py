@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._arrays import ChunkReader, describe
 from ._build import _describe_array, _FileInput
+from ._errors import Error
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
 from ._pyramid import Pyramid
@@ -21,8 +22,10 @@ from ._sizes import DEFAULT_MEMORY, byte_size
 
 def isosurface(
     volume: Any,
-    level: float,
+    level: float | None = None,
     *,
+    label: int | None = None,
+    denoise: float = 0.0,
     spacing: Triple | None = None,
     origin: Triple | None = None,
     direction: Any = None,
@@ -53,6 +56,12 @@ def isosurface(
         xarray are read by whole chunks, a slab at a time
     level
         values of at least this are inside
+    label
+        in place of a level: the surface of a label of an array of integers, half way between its voxels and all
+        others; compared exactly up to 2**64 - 1
+    denoise
+        smooths the array, or the label, first: the sigma of a Gaussian in voxels, at most 10, that is sharpened so
+        that round shapes keep their size; 0: not at all
     spacing, origin, direction
         the place of the voxels in the world, (x, y, z); images and xarray have their own
     box
@@ -74,13 +83,18 @@ def isosurface(
         0: all cores
     """
     described = describe(volume)
+    if (level is None) == (label is None):
+        raise Error("an isosurface is that of a level, or of a label; give one of them")
+    isovalue = 0.5 if level is None else float(level)
     query = Query(
-        float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices, inside=inside
+        isovalue, box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices, inside=inside
     )
-    chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
+    chosen = _FileInput(
+        None, spacing, origin, "", "", None, None, None, None, None if label is None else int(label), float(denoise)
+    )
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:
-        settings = settings_of(query, float(level), threads, tell, cancel)
+        settings = settings_of(query, isovalue, threads, tell, cancel)
         if described.memory is not None:
             array = described.memory
             sz, sy, sx = array.strides

@@ -125,6 +125,13 @@ class ReaderSource final : public BoxSource {
   std::uint64_t buffer_bytes_;
 };
 
+// Boxes are read: it is never opened again.
+std::unique_ptr<VolumeSource> derivedFrom(std::unique_ptr<VolumeSource> numbers,
+                                          const Derivation& derivation) {
+  if (!takesNumbers(derivation)) numbers = withVoxels(std::move(numbers), nullptr);
+  return derivedVolume(std::move(numbers), derivation);
+}
+
 }  // namespace
 
 VoxelType deliveredType(const std::string& type) {
@@ -172,21 +179,23 @@ void cellContrasts(const StridedArray& array, const Index3& voxels, std::span<co
 }
 
 std::unique_ptr<VolumeSource> makeStridedSource(VolumeInfo info, const StridedArray& array,
-                                                std::string identity) {
+                                                std::string identity,
+                                                const Derivation& derivation) {
   std::unique_ptr<VolumeSource> source;
   info.voxel_type = deliveredType(array.type);
   visitStored(array.type, [&](auto tag) {
     source = std::make_unique<StridedSource<typename decltype(tag)::Type>>(std::move(info), array,
                                                                            std::move(identity));
   });
-  return withVoxels(std::move(source), nullptr);  // boxes are read: it is never opened again
+  return derivedFrom(std::move(source), derivation);
 }
 
 std::unique_ptr<VolumeSource> makeReaderSource(VolumeInfo info, nb::handle read,
-                                               std::uint64_t buffer_bytes, std::string identity) {
-  return withVoxels(
+                                               std::uint64_t buffer_bytes, std::string identity,
+                                               const Derivation& derivation) {
+  return derivedFrom(
       std::make_unique<ReaderSource>(std::move(info), read, buffer_bytes, std::move(identity)),
-      nullptr);
+      derivation);
 }
 
 }  // namespace isobrick::python

@@ -32,12 +32,13 @@ void cellContrasts(const StridedArray& array, const Index3& voxels, std::span<co
 // Reads straight from the array's memory, which outlives the source. `info` has all but the voxel
 // type. Any number of threads may read.
 std::unique_ptr<VolumeSource> makeStridedSource(VolumeInfo info, const StridedArray& array,
-                                                std::string identity);
+                                                std::string identity, const Derivation& derivation);
 
 // Asks `read(x, y, z, nx, ny, nz)` for boxes, which gives a C-contiguous array [z, y, x] of the
 // type of `info`. Takes the interpreter's lock for that. `read` outlives the source, which may go
 // on any thread. `buffer_bytes`: what the reader itself holds.
 std::unique_ptr<VolumeSource> makeReaderSource(VolumeInfo info, nanobind::handle read,
-                                               std::uint64_t buffer_bytes, std::string identity);
+                                               std::uint64_t buffer_bytes, std::string identity,
+                                               const Derivation& derivation);
 
 }  // namespace isobrick::python

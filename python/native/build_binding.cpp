@@ -78,6 +78,13 @@ BuildRequest readBuildRequest(const nb::object& settings) {
   return request;
 }
 
+Derivation readDerivation(const nb::object& from) {
+  Derivation derivation;
+  derivation.label = nb::cast<std::optional<std::uint64_t>>(from.attr("label"));
+  derivation.denoise = nb::cast<double>(from.attr("denoise"));
+  return derivation;
+}
+
 void refuseReplacing(const std::string& out, bool force) {
   std::error_code ignored;
   if (!force && std::filesystem::exists(out, ignored))

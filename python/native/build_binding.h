@@ -24,6 +24,9 @@ struct BuildRequest {
 // A `_BuildSettings` of Python (isobrick/_build.py).
 BuildRequest readBuildRequest(const nanobind::object& settings);
 
+// `label` and `denoise` of a `_FileInput` or `_ArrayDescription` of Python (isobrick/_build.py).
+Derivation readDerivation(const nanobind::object& from);
+
 // Throws Error if something has the name of the output, unless by `force`.
 void refuseReplacing(const std::string& out, bool force);
 

@@ -47,7 +47,8 @@ nb::object buildStrided(const nb::object& description, std::uintptr_t address,
   const auto type = nb::cast<std::string>(description.attr("type"));
   const auto identity = nb::cast<std::string>(description.attr("identity"));
   const StridedArray array{address, {strides[0], strides[1], strides[2]}, type, is_swapped};
-  return buildFrom([&](CallState&) { return makeStridedSource(info, array, identity); },
+  const Derivation derivation = readDerivation(description);
+  return buildFrom([&](CallState&) { return makeStridedSource(info, array, identity, derivation); },
                    readBuildRequest(settings));
 }
 
@@ -56,8 +57,10 @@ nb::object buildRead(const nb::object& description, const nb::object& read,
   VolumeInfo info = readInfo(description);
   info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
   const auto identity = nb::cast<std::string>(description.attr("identity"));
-  return buildFrom([&](CallState&) { return makeReaderSource(info, read, buffer_bytes, identity); },
-                   readBuildRequest(settings));
+  const Derivation derivation = readDerivation(description);
+  return buildFrom(
+      [&](CallState&) { return makeReaderSource(info, read, buffer_bytes, identity, derivation); },
+      readBuildRequest(settings));
 }
 
 // The mesh of a source, which is read once.
@@ -97,10 +100,11 @@ nb::object isosurfaceStrided(const nb::object& description, std::uintptr_t addre
                            nb::cast<std::string>(description.attr("type")),
                            is_swapped};
   info.voxel_type = deliveredType(array.type);
+  const Derivation derivation = readDerivation(description);
   return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
-    if (!isVoxelArray(array, info.voxel_type))
-      return streamInto([&] { return makeStridedSource(info, array, "array"); }, memory_bytes,
-                        query, mesh, state);
+    if (!isVoxelArray(array, info.voxel_type) || !derivation.isNone())
+      return streamInto([&] { return makeStridedSource(info, array, "array", derivation); },
+                        memory_bytes, query, mesh, state);
     const auto bytes = static_cast<std::int64_t>(voxelBytes(info.voxel_type));
     const auto pyramid = pyramidOfArray(info, {reinterpret_cast<const void*>(array.address),
                                                array.strides.y / bytes, array.strides.z / bytes});
@@ -113,9 +117,11 @@ nb::object isosurfaceRead(const nb::object& description, const nb::object& read,
                           std::uint64_t memory_bytes) {
   VolumeInfo info = readInfo(description);
   info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
+  const Derivation derivation = readDerivation(description);
   return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
-    return streamInto([&] { return makeReaderSource(info, read, buffer_bytes, "array"); },
-                      memory_bytes, query, mesh, state);
+    return streamInto(
+        [&] { return makeReaderSource(info, read, buffer_bytes, "array", derivation); },
+        memory_bytes, query, mesh, state);
   });
 }
 

@@ -49,6 +49,8 @@ OpenOptions readInput(const nb::object& input) {
   options.image = nb::cast<std::optional<std::int64_t>>(input.attr("image"));
   if (const auto component = nb::cast<std::optional<std::int64_t>>(input.attr("component")))
     options.component = ComponentChoice{false, *component};
+  options.derivation = readDerivation(input);
+  if (!options.derivation.isNone()) options.pyramid_level = 0;
   return options;
 }
 
@@ -66,7 +68,7 @@ std::unique_ptr<VolumeSource> openInput(const std::string& path, OpenOptions opt
       if (read.ec != std::errc() || read.ptr != end)
         throw Error("'" + path + "' is not phantom:NAME:SIZE, with a number of voxels");
     }
-    return placedAsGiven(makePhantomSource(spec), options);
+    return viewAsGiven(makePhantomSource(spec), options);
   }
   return openVolume(path, options);
 }

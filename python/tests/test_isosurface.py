@@ -185,3 +185,38 @@ def test_masks_and_errors_are_those_of_scikit_image():
             f(volume, 0.0, gradient_direction="up")
         with pytest.raises(RuntimeError, match="No surface found"):
             f(np.ones((3, 3, 3)), 1.0)
+
+
+def test_labels_are_exact_and_smooth(tmp_path):
+    inside = _ball() > 0
+    for near, dtype in ((2**24, "u4"), (2**24 + 1, ">i4"), (2**53 + 1, "u8"), (2**64 - 1, "u8"), (-(2**53), "i8")):
+        label = near + 1 if near < 2**63 and near > 0 else 7
+        volume = np.where(inside, np.array(label, dtype), np.array(near, dtype))
+        _same(isobrick.isosurface(volume, label=label), isobrick.isosurface(inside, 0.5))
+    smooth = isobrick.isosurface(volume, label=7, denoise=1.25)
+    _same(smooth, isobrick.isosurface(inside, 0.5, denoise=1.25))
+    _same(smooth, isobrick.isosurface(zarr.array(inside.astype("u1"), chunks=(16, 16, 16)), 0.5, denoise=1.25))
+    isobrick.build(volume, tmp_path / "label.isb", label=7, denoise=1.25)
+    isobrick.build(inside, tmp_path / "mask.isb")
+    isobrick.build(tmp_path / "mask.isb", tmp_path / "smooth.isb", denoise=1.25)
+    for name in ("label.isb", "smooth.isb"):
+        with isobrick.open(tmp_path / name) as pyramid:
+            _same(smooth, pyramid.extract(0.5))
+    rough = isobrick.isosurface(inside, 0.5)
+    radii = [np.linalg.norm(mesh.points - (23.5, 21.5, 19.5), axis=1) for mesh in (rough, smooth)]
+    assert radii[1].std() < radii[0].std() / 2
+    assert abs(radii[1].mean() - 15) < 0.1
+
+
+def test_what_a_derivation_cannot_be():
+    volume = _ball()
+    with pytest.raises(isobrick.Error, match="one of them"):
+        isobrick.isosurface(volume)
+    with pytest.raises(isobrick.Error, match="one of them"):
+        isobrick.isosurface(volume, 0, label=1)
+    with pytest.raises(isobrick.Error, match="denoise=11"):
+        isobrick.isosurface(volume, 0, denoise=11)
+    with pytest.raises(isobrick.Error, match="label -1"):
+        isobrick.isosurface(volume > 0, label=-1)
+    with pytest.raises(isobrick.Error, match="whole numbers"):
+        isobrick.isosurface(volume, label=1)

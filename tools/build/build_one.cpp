@@ -178,7 +178,7 @@ std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
     bar.show(shown.label + std::string(phase), share);
   };
   if (const auto phantom = phantomOf(input.path))
-    return placedAsGiven(makePhantomSource(*phantom), options);
+    return viewAsGiven(makePhantomSource(*phantom), options);
   return openVolume(input.path, options);
 }
 

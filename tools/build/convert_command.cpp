@@ -187,8 +187,8 @@ Opened openLevels(const ConvertArguments& arguments) {
         if (std::min({count.x, count.y, count.z}) < 2) break;
       }
       levels.push_back(
-          withViews(placedAsGiven(makePyramidSource(pyramid, memory_bytes, level, &interruptFlag()),
-                                  options, level),
+          withViews(viewAsGiven(makePyramidSource(pyramid, memory_bytes, level, &interruptFlag()),
+                                options, level),
                     arguments, level));
     }
     opened.nodes =
@@ -297,6 +297,9 @@ void checkUsage(const ConvertArguments& arguments) {
     throw UsageError(
         "--with-ranges and --with-curvature write what the pyramid stores, in its place; leave out "
         "--window, --spacing and --origin");
+  if (!arguments.input.derivation.isNone() && (arguments.level > 0 || !arguments.levels.empty()))
+    throw UsageError(
+        "--label and --denoise are of the finest level; leave out --level and --levels");
   if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
     throw UsageError("--window needs the type that its values are spread over: --type u8");
   if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")

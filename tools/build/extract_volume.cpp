@@ -39,6 +39,15 @@ class InputWords {
 
   const CLI::App& parser() const { return parser_; }
   const InputOptions& options() const { return options_; }
+  // Of these surfaces, if the volume is smoothed, how far they move; null otherwise.
+  std::shared_ptr<std::vector<SurfaceShift>> watch(
+      const std::vector<std::optional<double>>& isovalues) {
+    if (options_.derivation.denoise == 0) return nullptr;
+    const auto shifts = std::make_shared<std::vector<SurfaceShift>>();
+    for (const std::optional<double>& isovalue : isovalues)
+      shifts->push_back({.isovalue = *isovalue});
+    return options_.derivation.shifts = shifts;
+  }
 
  private:
   CLI::App parser_;
@@ -87,7 +96,8 @@ std::vector<ExtractionReport> streamSurfaces(
 }
 
 ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
-                           const PyramidValues* values, double open_seconds) {
+                           const PyramidValues* values, const std::vector<SurfaceShift>* shifts,
+                           double open_seconds) {
   ExtractResults results;
   results.attribute = arguments.attribute.path;
   results.numbers_components = arguments.number_components;
@@ -113,7 +123,10 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
       stream, surfaces, [](ExtractedSurface& s) -> TriangleSink& { return s.meshSink(true); });
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
     surfaces[i]->endMesh(reports[i]);
+    std::optional<SurfaceShift> moved;
+    if (shifts != nullptr) moved = (*shifts)[i];
     results.surfaces.push_back(surfaces[i]->end([&] { return stream.range(); }));
+    results.surfaces.back().moved = moved;
   }
   if (together) together->finish();
   return results;
@@ -123,14 +136,17 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
 
 std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const Stopwatch watch;
-  const InputWords words(arguments.query.input);
+  InputWords words(arguments.query.input);
   try {
     refuseKnownMisfits(words.options());
   } catch (const UsageError&) {
     return std::nullopt;  // the build says it in words of this command
   }
   const std::uint64_t memory_bytes = arguments.query.memory_bytes;
-  const auto open = [&] { return openShowingProgress(words.options(), memory_bytes / 2); };
+  const auto shifts = words.watch(arguments.query.isovalues);
+  // A pyramid's pager takes all that it may.
+  const std::uint64_t source_bytes = memory_bytes / (isVolume(arguments.query.input.path) ? 2 : 8);
+  const auto open = [&] { return openShowingProgress(words.options(), source_bytes); };
   std::unique_ptr<VolumeSource> source = open();
   refuseUnfitInputOptions(words.parser(), source->info());
   const auto& properties = source->info().properties;
@@ -157,7 +173,8 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
     options.cancel = &interruptFlag();
     BrickStream stream(std::move(options));
     if (!stream.fits()) return std::nullopt;
-    return extractFrom(stream, arguments, values ? &*values : nullptr, watch.seconds());
+    return extractFrom(stream, arguments, values ? &*values : nullptr, shifts.get(),
+                       watch.seconds());
   });
 }
 

@@ -36,6 +36,14 @@ glm::dvec3 parseSpacing(const std::string& text) {
   return spacing;
 }
 
+double parseSigma(const std::string& text) {
+  const double sigma = parseNumber(text);
+  if (!(sigma > 0 && sigma <= Derivation::kMostSigma))
+    throw std::invalid_argument(
+        fmt::format("'{}' is not above 0 and at most {}", text, Derivation::kMostSigma));
+  return sigma;
+}
+
 // The keys of --select.
 struct SelectKey {
   std::string_view key;
@@ -101,6 +109,14 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
   addParsedOption(
       app, "--origin", options.origin, parsePoint, "X,Y,Z",
       "Place of the first voxel in the world, instead of the input's own or missing one");
+  addParsedOption(
+      app, "--label", options.derivation.label, parseLabel, "ID",
+      "Take the indicator of a label instead: 1 where a voxel is this number, and 0 "
+      "elsewhere, whose half-way surface is that of the label; of integers of any size");
+  addParsedOption(app, "--denoise", options.derivation.denoise, parseSigma, "SIGMA",
+                  "Smooth the volume first, after --label, with a Gaussian of so many voxels that "
+                  "is sharpened so that round shapes keep their size; up to 10. The result is "
+                  "float32");
   addSelectOption(app, [&options](const std::string& word) { select(options, word); });
   app.add_flag("--dicom-float32", options.dicom_float32,
                "Take a DICOM series as float32, if its headers promise 16 bits and its values do "
@@ -111,6 +127,8 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   OpenOptions options;
   options.dicom_float32 = input.dicom_float32;
   options.pyramid_level = input.pyramid_level;
+  if (!input.derivation.isNone() && !options.pyramid_level) options.pyramid_level = 0;
+  options.derivation = input.derivation;
   options.keep_numbers = input.keep_numbers;
   options.grid = input.grid;
   options.time = input.time;

@@ -25,6 +25,7 @@ struct InputOptions {
   std::optional<glm::dvec3> spacing, origin;
   bool keep_numbers = false;         // of types that pyramids do not hold
   std::optional<int> pyramid_level;  // given: pyramids are inputs too
+  Derivation derivation;             // given: likewise, level 0 of them
 };
 
 // INPUT..., which go to `paths`, and the --raw-... options, which hold for each of them.

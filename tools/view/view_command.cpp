@@ -48,7 +48,10 @@ int runViewCommand(ViewArguments& arguments) {
   options.path = arguments.input.path;
   options.remote = remoteOptions(arguments.input);
   refuseReplacingOutputs(options, arguments.force);
-  if (!isVolume(options.path)) refuseWordsForPyramid(arguments.input);
+  if (!isVolume(options.path)) {  // of which another volume may be made, before there is a window
+    findPyramid(arguments.input, options.threads, options.memory_bytes);
+    options.path = arguments.input.pyramid;
+  }
   options.build = volumeBuilder({arguments.input, options.threads + 1, arguments.preview_share});
   // A file that a script opens was not chosen by the user.
   if (options.script_path.empty()) options.recent_path = recentFilesPath();
