@@ -8,6 +8,8 @@
 #include <glm/matrix.hpp>
 
 #include "isobrick/extract/paging/read_ahead.h"
+#include "isobrick/extract/region/region_cutter.h"
+#include "isobrick/extract/region/region_solid.h"
 #include "isobrick/storage/isolated_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -154,6 +156,11 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
                  context.query.cancel);
   ReadAhead ahead(context, work);
   const std::optional<SimplifySpace> space = simplifySpace(context);
+  tbb::enumerable_thread_specific<RegionCutter> cutters(
+      [&] { return RegionCutter(*context.region, context.query.cancel); });
+  tbb::enumerable_thread_specific<SolidCrossings> solids([&] {
+    return SolidCrossings(*context.region, context.pyramid.spec().geometry, context.query.cancel);
+  });
 
   // A sink that waits for tasks of its own must not begin one that waits for this sink.
   const auto give = [](const auto& call) { tbb::this_task_arena::isolate(call); };
@@ -173,6 +180,10 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
         worker.adaptive.mesh(context, work[job.work], batch);
       else
         worker.uniform.mesh(context, work[job.work], batch);
+      if (context.region != nullptr && context.query.cap)
+        solids.local().move(batch);
+      else if (context.region != nullptr)
+        cutters.local().cut(batch);
       if (space) worker.simplifier.simplify(*space, context.query.cancel, batch);
       if (!batch.triangles.empty()) give([&] { sink.prepare(*job.batch); });
     } catch (const Cancelled&) {

@@ -83,13 +83,16 @@ void checkChoice(const Pyramid& pyramid, const DetailChoice& choice) {
   if (choice.curvature_tolerance) checkCurvatureTolerance(pyramid, choice);
 }
 
-// Level 0 that lies elsewhere has no levels, ranges and parts to choose by.
-void checkIsFinest(const Pyramid& pyramid, const Query& query) {
+bool isFinest(const Query& query) {
   DetailChoice finest;
   if (query.uniform_level == 0) finest.uniform_level = 0;
-  if (static_cast<const DetailChoice&>(query) == finest && query.or_finer.empty() &&
-      !query.is_progressive)
-    return;
+  return static_cast<const DetailChoice&>(query) == finest && query.or_finer.empty() &&
+         !query.is_progressive;
+}
+
+// Level 0 that lies elsewhere has no levels, ranges and parts to choose by.
+void checkIsFinest(const Pyramid& pyramid, const Query& query) {
+  if (isFinest(query)) return;
   throw Error("'" + pyramid.path() + "' has no coarser levels; ask for level 0, or build a pyramid",
               {.path = pyramid.path()});
 }
@@ -103,6 +106,11 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
   checkChoice(pyramid, query);
   for (const DetailChoice& choice : query.or_finer) checkChoice(pyramid, choice);
   if (query.box) checkBox(*query.box);
+  if (!query.region.isEverywhere()) {
+    const RegionField checked(query.region, pyramid);
+    if (query.cap && !isFinest(query))
+      throw Error("caps where a region cuts need level 0 everywhere; ask for that, or for no caps");
+  }
   if (query.simplify && !(query.simplify->distance > 0 && std::isfinite(query.simplify->distance)))
     throw Error("the distance of a simplification must be a finite number above 0");
 }

@@ -27,6 +27,10 @@ def isosurface(
     origin: Triple | None = None,
     direction: Any = None,
     box: Sequence[Sequence[float]] | None = None,
+    mask: Any = None,
+    clip: ArrayLike | None = None,
+    sphere: ArrayLike | None = None,
+    cap: bool = False,
     simplify: float | None = None,
     drop_small: bool = False,
     values: Pyramid | None = None,
@@ -56,6 +60,9 @@ def isosurface(
         the place of the voxels in the world, (x, y, z); images and xarray have their own
     box
         ((x, y, z), (x, y, z)): only cells that overlap it
+    mask, clip, sphere, cap
+        only a part of the surface, as in ``Query``: within a mask, such as an array of the volume's shape, on one
+        side of a plane, or within a sphere; closed there with ``cap=True``
     simplify
         fewer triangles, within this distance
     drop_small
@@ -63,7 +70,7 @@ def isosurface(
     values
         a pyramid: its values at the points become ``Mesh.values``
     indices
-        box and simplify are in voxel indices and voxels; otherwise in world units
+        box, clip, sphere and simplify are in voxel indices and voxels; otherwise in world units
     memory
         what is read at a time of an array that is not used where it lies (other than numpy's u1, i1, u2, i2 and
         f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
@@ -71,7 +78,10 @@ def isosurface(
         0: all cores
     """
     described = describe(volume)
-    query = Query(float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices)
+    query = Query(
+        float(level), box=box, mask=mask, clip=clip, sphere=sphere, cap=cap, simplify=simplify, drop_small=drop_small,
+        values=values, indices=indices,
+    )  # fmt: skip
     chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:

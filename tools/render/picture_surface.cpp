@@ -37,8 +37,10 @@ void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressB
 }  // namespace
 
 DrawableSurface extractPictureSurface(QueryOptions options, ViewState& view) {
-  const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
-                                    fileAccess(options.no_map), remoteOptions(options.input));
+  const std::uint64_t memory_bytes = options.memory_bytes / (1 + options.region.masks.size());
+  openMasks(options, memory_bytes);
+  const auto file = openPyramidFile(options.input.pyramid, memory_bytes, fileAccess(options.no_map),
+                                    remoteOptions(options.input));
   const Pyramid& pyramid = *file;
   chooseIsovalues(options, pyramid);
   const Query query = makeQuery(options, pyramid);
