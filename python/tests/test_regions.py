@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import isobrick
 import numpy as np
 import pytest
-
-import isobrick
 
 RADIUS = 15.0
 CENTER = np.array([23.3, 22.7, 24.1])  # x, y, z
