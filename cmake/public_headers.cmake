@@ -30,6 +30,7 @@ set(isobrick_public_headers
   extract/sinks/surface_components.h
   extract/sinks/vertex_numbering.h
   extract/surface_mesh.h
+  extract/surface_region.h
   # a pyramid in, chunks of surfaces out, pass by pass, beside an interface
   viewer/stream/merged_surface.h
   viewer/stream/surface_chunk.h

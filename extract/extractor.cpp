@@ -59,7 +59,8 @@ struct Extractor::Memory {
   // `writer`: of the mesh.
   ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
                             SurfaceMesh& into, SurfaceWriter& writer) {
-    if (!context.query.simplify && !context.query.has_brick && SurfaceWriter::canWrite(bricks)) {
+    if (!context.query.simplify && !context.query.has_brick && context.region == nullptr &&
+        SurfaceWriter::canWrite(bricks)) {
       const LevelCounts counts = writer.run(context, bricks);
       return makeReport(context.pyramid, log, {counts});
     }

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "isobrick/extract/surface_region.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/grid.h"
 
@@ -101,6 +102,9 @@ struct SurfaceChoice : DetailChoice {
   std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
+  // Closes the surface where the region cuts it; of level 0 alone.
+  bool cap = false;
+  SurfaceRegion region;                     // only the part of the surface within it
   std::optional<SimplifyOptions> simplify;  // none: the surface as it was meshed
   // Off: every brick and every tile is visited. The mesh is the same (rule 7), perhaps in another
   // order; for tests.
@@ -117,7 +121,7 @@ struct Query : SurfaceChoice {
   // True if the caller has that brick's part of the surface already: the result leaves it out. It
   // is called on the caller's thread, at most once a brick, for bricks of which all cells, and all
   // cells that touch them, are leaves of the brick's level: the part of such a brick depends on
-  // pyramid, level, brick, isovalue and side alone.
+  // pyramid, level, brick, isovalue and side alone, without a region.
   std::function<bool(int level, const Index3& brick)> has_brick;
   // Checked all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;

@@ -66,9 +66,11 @@ ExtractResults extract(ExtractArguments& arguments) {
   results.part = arguments.part;
   results.threads = arguments.query.threads;
   const Stopwatch open_watch;
-  // Two pyramids share the memory.
+  // All pyramids share the memory.
   const bool has_attribute = !arguments.attribute.path.empty();
-  const std::uint64_t memory_bytes = arguments.query.memory_bytes / (has_attribute ? 2 : 1);
+  const std::uint64_t memory_bytes =
+      arguments.query.memory_bytes /
+      ((has_attribute ? 2 : 1) + arguments.query.region.masks.size());
   const FileAccess access = fileAccess(arguments.query.no_map);
   const RemoteOptions remote = remoteOptions(arguments.query.input);
   const auto file = openPyramidFile(arguments.query.input.pyramid, memory_bytes, access, remote);
@@ -79,6 +81,7 @@ ExtractResults extract(ExtractArguments& arguments) {
     other = openPyramidFile(arguments.attribute.pyramid, memory_bytes, access, remote);
     values.emplace(*other);
   }
+  openMasks(arguments.query, memory_bytes);
   results.unit = pyramid.spec().geometry.unit;
   results.open_seconds = open_watch.seconds();
   results.opening = pyramid.remoteCounters();
@@ -193,7 +196,10 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
   attribute.cache_folder = arguments.query.input.cache_folder;
   if (!attribute.path.empty())
     findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
-  for (ExtractArguments& one : all) one.attribute = attribute;
+  for (ExtractArguments& one : all) {
+    one.attribute = attribute;
+    findMasks(one.query);
+  }
   const ExtractResults results = extractAll(std::move(all));
   if (arguments.json)
     printJson(jsonOfResults(results));
@@ -281,6 +287,7 @@ Command addExtractCommand(CLI::App& app) {
       app.add_subcommand("extract", "Extract an isosurface of a pyramid or a volume");
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query, true);
+  addRegionOptions(*sub, arguments->query.region);
   addMeshOptions(*sub, *arguments, addDetailOptions(*sub, *arguments));
   addJsonFlag(*sub, arguments->json);
   sub->footer(R"(

@@ -38,6 +38,8 @@ void warnOfEmptyChoice(const ExtractArguments& arguments, const ExtractResult& r
                       result.components->list().front().area);
   else if (arguments.query.box)
     why = "in --box";
+  else if (!arguments.query.region.isEverywhere())
+    why = "within --mask, --clip and --sphere";
   else if (arguments.drop_small)
     why = "left by --drop-small";
   fmt::print(stderr, "isobrick: warning: the mesh is empty: nothing of the surface at {} is {}\n",
@@ -65,12 +67,11 @@ std::string nameWith(const std::string& output, const std::string& what) {
 }
 
 void refuseOutputs(const ExtractArguments& arguments) {
+  std::vector<std::string> inputs = arguments.query.region.files();
+  inputs.insert(inputs.end(), {arguments.query.input.path, arguments.query.input.pyramid,
+                               arguments.attribute.path, arguments.attribute.pyramid});
   for (const std::string& name : meshNames(arguments))
-    if (!name.empty())
-      refuseReplacing({name},
-                      {arguments.query.input.path, arguments.query.input.pyramid,
-                       arguments.attribute.path, arguments.attribute.pyramid},
-                      arguments.force);
+    if (!name.empty()) refuseReplacing({name}, inputs, arguments.force);
 }
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
@@ -129,7 +130,8 @@ void ExtractedSurface::endComponents() {
   const SurfaceComponents& all = *result_.components;
   if (arguments_.keep_largest) {
     result_.is_kept = all.largest(*arguments_.keep_largest, arguments_.drop_below.value_or(0));
-    result_.ranked_by = query_.box || result_.missing_voxels > 0 ? "area" : "volume";
+    const bool is_open = !query_.region.isEverywhere() && !query_.cap;
+    result_.ranked_by = query_.box || is_open || result_.missing_voxels > 0 ? "area" : "volume";
   } else {
     result_.is_kept.assign(all.list().size(), 0);
     std::fill_n(result_.is_kept.begin(), all.countFrom(arguments_.drop_below.value_or(0)),

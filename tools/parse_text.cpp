@@ -86,6 +86,15 @@ Index3 parseIndex3(const std::string& text) {
   return {v[0], v[1], v[2]};
 }
 
+std::vector<double> parseNumbers(const std::string& text) {
+  std::vector<double> numbers;
+  for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
+    end = text.find(',', begin);
+    numbers.push_back(parseNumber(text.substr(begin, end - begin)));
+  }
+  return numbers;
+}
+
 std::uint64_t parseByteSize(const std::string& text) {
   constexpr std::string_view kExpected = "a size in bytes such as 65536, 256M or 1.5G";
   std::string_view digits = text;

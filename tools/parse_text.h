@@ -31,6 +31,8 @@ inline auto integerWithin(std::int64_t least, std::int64_t most) {
 // "X,Y,Z"
 glm::dvec3 parsePoint(const std::string& text);
 Index3 parseIndex3(const std::string& text);
+// "1,2.5,-3": any number of finite numbers, at least one.
+std::vector<double> parseNumbers(const std::string& text);
 // "65536", "256M", "1.5G": K, M, G and T stand for powers of 1024.
 std::uint64_t parseByteSize(const std::string& text);
 

@@ -106,6 +106,8 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       "again. Focus, curvature, eye and level that are given together leave cells coarse together");
   beginGroup(app, kSurfaceGroup);
   addBoxOption(app, options.box);
+  app.add_flag("--cap", options.cap,
+               "Close the surface where --mask, --clip and --sphere cut it; of level 0");
   app.add_flag("--world", options.world,
                "--focus, --radius and --box are in world units. The radius is divided by the least "
                "spacing, so that the whole world sphere is of the finest level; on an oblique "
@@ -180,6 +182,16 @@ std::string valueText(const Pyramid& pyramid, double value) {
                                             : fmt::format("{}", value);
 }
 
+void findMasks(QueryOptions& options) {
+  findMasks(options.region, options.input.cache_folder, options.threads, options.memory_bytes);
+}
+
+void openMasks(QueryOptions& options, std::uint64_t memory_bytes) {
+  for (RegionOptions::Mask& mask : options.region.masks)
+    mask.opened = openPyramidFile(mask.input.pyramid, memory_bytes, fileAccess(options.no_map),
+                                  remoteOptions(options.input));
+}
+
 void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {
   std::optional<double> best;
   for (std::optional<double>& isovalue : options.isovalues) {
@@ -227,6 +239,8 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
         "is {}",
         options.simplify->distance, withoutSecrets(options.input.path), geometry.leastSpacing()));
   }
+  query.region = makeRegion(options.region, options.world, geometry);
+  query.cap = options.cap;
   query.simplify = options.simplify;
   query.cancel = &interruptFlag();
   return query;

@@ -12,6 +12,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "tools/choice_options.h"
 #include "tools/parse_text.h"
+#include "tools/region_options.h"
 #include "tools/volume_input.h"
 
 namespace isobrick {
@@ -24,6 +25,8 @@ struct QueryOptions {
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
+  bool cap = false;
+  RegionOptions region;
   std::optional<SimplifyOptions> simplify;
   bool world = false;
   std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;
@@ -40,6 +43,10 @@ void addSimplifyOption(CLI::App& app, QueryOptions& options);
 
 // findPyramid() of its input.
 void findPyramid(QueryOptions& options);
+// The same of its masks.
+void findMasks(QueryOptions& options);
+// Opens its masks, each with `memory_bytes`.
+void openMasks(QueryOptions& options, std::uint64_t memory_bytes);
 
 // --no-map, as the other commands have it too.
 void addNoMapFlag(CLI::App& app, bool& no_map);

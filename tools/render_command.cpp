@@ -123,6 +123,7 @@ int runRender(RenderArguments arguments) {
   // A mistyped name, or a machine that cannot draw, must not cost an extraction.
   const std::shared_ptr<PictureOutput> output = outputOf(arguments);
   const auto renderer = std::make_shared<OffscreenRenderer>();
+  findMasks(arguments.query);
   findPyramid(arguments.query);
   const bool has_eye = placeEye(arguments);
   ViewState& view = arguments.view;
@@ -264,6 +265,7 @@ Command addRenderCommand(CLI::App& app) {
       app.add_subcommand("render", "Draw an isosurface of a pyramid or a volume to a file");
   const auto arguments = std::make_shared<RenderArguments>();
   addQueryOptions(*sub, arguments->query, true);
+  addRegionOptions(*sub, arguments->query.region);
   beginGroup(*sub, kDetailGroup);
   addSimplifyOption(*sub, arguments->query);
   addParsedOption(*sub, "--keep-largest", arguments->looks.keep_largest,

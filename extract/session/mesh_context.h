@@ -7,6 +7,7 @@
 #include "isobrick/extract/oracles/query_oracles.h"
 #include "isobrick/extract/paging/read_log.h"
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/region/region_field.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_parts.h"
@@ -24,6 +25,7 @@ struct MeshContext {
   ReadLog& read_log;
   std::uint64_t edition = 0;             // of the pyramid's file when the query began
   ResidencyOracle* residency = nullptr;  // of a progressive query
+  const RegionField* region = nullptr;   // of the query, if it has one
 
   const Lattice& lattice() const { return pyramid.lattice(); }
 
@@ -105,11 +107,16 @@ struct MeshContext {
   }
 };
 
-// True if the open extent of a leaf and the query's box overlap, or there is no box.
+// True if the open extent of a leaf and the query's box overlap, or there is no box; of cells that
+// lie more than a voxel outside of the query's region false, too: nothing of them stays.
 inline bool overlapsQueryBox(const MeshContext& context, int level, const IndexBox& cells) {
-  if (!context.query.box) return true;
+  if (!context.query.box && context.region == nullptr) return true;
   const Index3 low = context.lattice().position(level, cells.first);
   const Index3 high = context.lattice().position(level, cells.end());
+  if (context.region != nullptr &&
+      context.region->sideOf(low - Index3(1), high + Index3(1)) == BoxSide::kOutside)
+    return false;
+  if (!context.query.box) return true;
   for (int axis = 0; axis < 3; ++axis)
     if (static_cast<double>(low[axis]) >= context.query.box->max[axis] ||
         static_cast<double>(high[axis]) <= context.query.box->min[axis])

@@ -7,6 +7,8 @@
 #include <chrono>
 
 #include "isobrick/extract/paging/read_ahead.h"
+#include "isobrick/extract/region/region_cutter.h"
+#include "isobrick/extract/region/region_solid.h"
 #include "isobrick/extract/session/query_context.h"
 #include "isobrick/storage/isolated_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
@@ -175,7 +177,8 @@ void JobBoard::fail() {
 }
 
 bool simplifiesGroups(const Query& query) {
-  return query.simplify && isOfLevelZero(query) && !query.has_brick && !query.is_progressive;
+  return query.simplify && isOfLevelZero(query) && query.region.isEverywhere() &&
+         !query.has_brick && !query.is_progressive;
 }
 
 std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const TriangleSink& sink) {
@@ -192,6 +195,11 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
   ReadAhead ahead(context, work);
   const std::optional<SimplifySpace> space = simplifySpace(context);
   const bool keeps_remains = simplifiesGroups(context.query);
+  tbb::enumerable_thread_specific<RegionCutter> cutters(
+      [&] { return RegionCutter(*context.region, context.query.cancel); });
+  tbb::enumerable_thread_specific<SolidCrossings> solids([&] {
+    return SolidCrossings(*context.region, context.pyramid.spec().geometry, context.query.cancel);
+  });
 
   // A sink that waits for tasks of its own must not begin one that waits for this sink.
   const auto give = [](const auto& call) { tbb::this_task_arena::isolate(call); };
@@ -211,6 +219,10 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
         worker.adaptive.mesh(context, work[job.work], batch);
       else
         worker.uniform.mesh(context, work[job.work], batch);
+      if (context.region != nullptr && context.query.cap)
+        solids.local().move(batch);
+      else if (context.region != nullptr)
+        cutters.local().cut(batch);
       if (keeps_remains && job.batch->remains == nullptr)
         job.batch->remains = std::make_shared<SimplifyRemains>();
       if (space)

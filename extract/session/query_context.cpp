@@ -105,6 +105,11 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
   checkChoice(pyramid, query);
   for (const DetailChoice& choice : query.or_finer) checkChoice(pyramid, choice);
   if (query.box) checkBox(*query.box);
+  if (!query.region.isEverywhere()) {
+    const RegionField checked(query.region, pyramid);
+    if (query.cap && (!isOfLevelZero(query) || query.is_progressive))
+      throw Error("caps where a region cuts need level 0 everywhere; ask for that, or for no caps");
+  }
   if (query.simplify && !(query.simplify->distance > 0 && std::isfinite(query.simplify->distance)))
     throw Error("the distance of a simplification must be a finite number above 0");
 }

@@ -1,9 +1,12 @@
 // What the workers of one query share, and the report of their work.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/region/region_field.h"
+#include "isobrick/extract/region/region_solid.h"
 #include "isobrick/extract/session/mesh_context.h"
 #include "isobrick/storage/pyramid.h"
 
@@ -16,22 +19,32 @@ void checkQuery(const Pyramid& pyramid, const Query& query);
 // True if the choice is level 0 everywhere.
 bool isOfLevelZero(const SurfaceChoice& choice);
 
-// The inputs of the workers of one query.
+// The inputs of the workers of one query. Their pyramid is that of the object within the region, if
+// it is to be capped.
 class QueryContext {
  public:
   // All outlive it; `residency` is that of a progressive query. Clears `log`.
   QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log,
                ResidencyOracle* residency = nullptr)
-      : oracles_(oraclesOf(pyramid, query)),
-        frame_(pyramid.spec().geometry, pyramid.valueRange(), query.inside),
-        context_{pyramid,
+      : region_(query.region.isEverywhere()
+                    ? nullptr
+                    : std::make_unique<const RegionField>(query.region, pyramid)),
+        solid_(region_ != nullptr && query.cap
+                   ? solidPyramid(pyramid, *region_, pyramid.storedIsovalue(query.isovalue),
+                                  query.cancel)
+                   : nullptr),
+        pyramid_(solid_ != nullptr ? *solid_ : pyramid),
+        oracles_(oraclesOf(pyramid_, query)),
+        frame_(pyramid_.spec().geometry, pyramid_.valueRange(), query.inside),
+        context_{pyramid_,
                  query,
                  oracles_,
                  frame_,
-                 pyramid.storedIsovalue(query.isovalue),
+                 pyramid_.storedIsovalue(query.isovalue),
                  log,
-                 pyramid.parts().edition(),
-                 residency} {
+                 pyramid_.parts().edition(),
+                 residency,
+                 region_.get()} {
     log.clear();
   }
   QueryContext(const QueryContext&) = delete;
@@ -40,6 +53,9 @@ class QueryContext {
   const MeshContext* operator->() const { return &context_; }
 
  private:
+  const std::unique_ptr<const RegionField> region_;
+  const std::unique_ptr<const Pyramid> solid_;
+  const Pyramid& pyramid_;
   const std::vector<ChoiceOracles> oracles_;
   const WorldFrame frame_;
   const MeshContext context_;

@@ -214,7 +214,7 @@ void decode(MergedBatch& merged, const Index3& voxels, bool has_remains) {
     SharedRecord shared;
     arrays.read(&shared, 1);
     is_sane = is_sane && shared.vertex < record.positions && shared.vertex > last &&
-              shared.batches <= 0xFF && shared.key < EdgeKey{1} << 62;
+              shared.batches <= 0xFF && shared.key != kNoEdge;
     last = shared.vertex;
     batch.shared.push_back({shared.vertex, static_cast<std::uint8_t>(shared.batches), shared.key});
   }

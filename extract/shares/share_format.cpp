@@ -34,6 +34,13 @@ class FactLines {
     text_ += '\n';
   }
 
+  void addPyramid(const std::string& name, const Pyramid& pyramid) {
+    // It covers the tables' checksums, the histogram's and the provenance's.
+    const format::Header& header = pyramid.parts().tables().header();
+    addWhole(name.c_str(), header.header_checksum);
+    addWhole((name + "_bytes").c_str(), header.file_bytes);
+  }
+
   void addDetail(const DetailChoice& choice) {
     if (choice.focus) {
       add("focus", choice.focus->center);
@@ -63,10 +70,7 @@ class FactLines {
 std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice) {
   FactLines lines;
   lines.add("mesh", {kMeshAlgorithm});
-  // It covers the tables' checksums, the histogram's and the provenance's.
-  const format::Header& header = pyramid.parts().tables().header();
-  lines.addWhole("pyramid", header.header_checksum);
-  lines.addWhole("pyramid_bytes", header.file_bytes);
+  lines.addPyramid("pyramid", pyramid);
   lines.add("isovalue", {static_cast<double>(pyramid.storedIsovalue(choice.isovalue))});
   if (choice.inside == InsideOf::kBelow) lines.add("inside_below", {});
   lines.addDetail(choice);
@@ -78,6 +82,22 @@ std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice)
     lines.add("box_min", choice.box->min);
     lines.add("box_max", choice.box->max);
   }
+  for (const HalfSpace& half_space : choice.region.half_spaces) {
+    lines.add("clip", half_space.normal);
+    lines.add("clip_offset", {half_space.offset});
+  }
+  for (const RegionBall& ball : choice.region.balls) {
+    lines.add("sphere", ball.center);
+    lines.add("sphere_radius", {ball.radius});
+    for (int axis = 0; axis < 3; ++axis) lines.add("sphere_units", ball.to_units[axis]);
+  }
+  for (const RegionMask& mask : choice.region.masks) {
+    if (mask.pyramid->parts().isSupplied())
+      throw Error("a share of a mesh needs masks that are files; build a pyramid of the mask");
+    lines.addPyramid("mask", *mask.pyramid);
+    if (mask.value) lines.add("mask_value", {*mask.value});
+  }
+  if (choice.cap) lines.add("cap", {1.0});
   if (choice.simplify) {
     lines.add("simplify", {choice.simplify->distance});
     lines.add("simplify_in_world", {choice.simplify->in_world ? 1.0 : 0.0});

@@ -161,7 +161,8 @@ struct ComponentFinder::Joined {
 };
 
 ComponentFinder::ComponentFinder(const Query& query, ComponentPoints points)
-    : is_cut_(query.box.has_value()), points_(std::move(points)) {}
+    : is_cut_(query.box || (!query.region.isEverywhere() && !query.cap)),
+      points_(std::move(points)) {}
 ComponentFinder::~ComponentFinder() = default;
 
 void ComponentFinder::begin(const MeshFrame& frame) {

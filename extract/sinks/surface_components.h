@@ -95,7 +95,7 @@ class ComponentFinder : public TriangleSink {
 
  private:
   struct Joined;
-  bool is_cut_;  // by a box, or open beside voxels without data
+  bool is_cut_;  // by a box or a region, or open beside voxels without data
   ComponentPoints points_;
   MeshFrame frame_;
   WorldPlacement placement_;

@@ -21,7 +21,8 @@ namespace isobrick {
 //       0  0    z          y          x         axis
 //
 // The edge's length is not part of it: if leaves of two levels share an edge, only the coarser
-// edge carries a crossing, so one (position, axis) names one edge in a mesh.
+// edge carries a crossing, so one (position, axis) names one edge in a mesh. With bit 63 it is the
+// key of a vertex where a region cuts the surface (extract/region/region_cutter.h).
 using EdgeKey = std::uint64_t;
 // The key of no edge.
 inline constexpr EdgeKey kNoEdge = ~EdgeKey{0};
@@ -78,7 +79,9 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the outside
   std::vector<SharedVertex> shared;    // ascending in `vertex`
-  // The last so many of `triangles` belong to transition cells, which join two levels.
+  // The last so many of `triangles` are caps (Query::cap).
+  std::size_t cap_indices = 0;
+  // The last so many before them belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t transition_cells = 0;  // those of them that have a fan
@@ -89,7 +92,7 @@ struct MeshBatch {
     normals.clear();
     triangles.clear();
     shared.clear();
-    transition_indices = 0;
+    cap_indices = transition_indices = 0;
     cells = transition_cells = 0;
   }
   // Bytes that it takes in memory, without spare capacity.

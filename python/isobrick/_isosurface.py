@@ -30,6 +30,10 @@ def isosurface(
     origin: Triple | None = None,
     direction: Any = None,
     box: Sequence[Sequence[float]] | None = None,
+    mask: Any = None,
+    clip: ArrayLike | None = None,
+    sphere: ArrayLike | None = None,
+    cap: bool = False,
     simplify: float | None = None,
     drop_small: bool = False,
     values: Pyramid | None = None,
@@ -66,6 +70,9 @@ def isosurface(
         the place of the voxels in the world, (x, y, z); images and xarray have their own
     box
         ((x, y, z), (x, y, z)): only cells that overlap it
+    mask, clip, sphere, cap
+        only a part of the surface, as in ``Query``: within a mask, such as an array of the volume's shape, on one
+        side of a plane, or within a sphere; closed there with ``cap=True``
     simplify
         fewer triangles, within this distance
     drop_small
@@ -73,7 +80,7 @@ def isosurface(
     values
         a pyramid: its values at the points become ``Mesh.values``
     indices
-        box and simplify are in voxel indices and voxels; otherwise in world units
+        box, clip, sphere and simplify are in voxel indices and voxels; otherwise in world units
     inside
         where the object is: values of at least ``level`` ('above', 'auto'), or those below it ('below')
     memory
@@ -87,8 +94,9 @@ def isosurface(
         raise Error("an isosurface is that of a level, or of a label; give one of them")
     isovalue = 0.5 if level is None else float(level)
     query = Query(
-        isovalue, box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices, inside=inside
-    )
+        isovalue, box=box, mask=mask, clip=clip, sphere=sphere, cap=cap, simplify=simplify, drop_small=drop_small,
+        values=values, indices=indices, inside=inside,
+    )  # fmt: skip
     chosen = _FileInput(
         None, spacing, origin, "", "", None, None, None, None, None if label is None else int(label), float(denoise)
     )

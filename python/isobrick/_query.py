@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol, TypedDict
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from . import _core
 from ._errors import Error
 
@@ -90,6 +93,10 @@ class Choice(TypedDict, total=False):
     curvature: float | None
     or_finer: Sequence[Detail]
     box: Sequence[Sequence[float]] | None
+    mask: Any
+    clip: ArrayLike | None
+    sphere: ArrayLike | None
+    cap: bool
     simplify: float | None
     drop_small: bool
     values: HasValues | None
@@ -102,8 +109,8 @@ class Query:
     """Which surface, and how fine. Every call that extracts takes one, or an isovalue with these keywords:
     ``extract(1324, level=1)`` is ``extract(Query(1324, level=1))``, and ``extract(query, level=2)`` changes one.
 
-    focus, radius and box are (x, y, z) in world units, or voxel indices (x, y, z) with ``indices=True``; so is the
-    distance of ``simplify``.
+    focus, radius, box, clip and sphere are (x, y, z) in world units, or voxel indices (x, y, z) with
+    ``indices=True``; so is the distance of ``simplify``.
 
     Parameters
     ----------
@@ -121,6 +128,16 @@ class Query:
         more of these, each a ``Detail``: a cell is refined if any one of them wants it
     box
         ((x, y, z), (x, y, z)): only cells that overlap it
+    mask
+        only where this is not 0: a pyramid of any grid in the same world, whose nearest voxel counts, or an array
+        [z, y, x] of the volume's shape; with a value, ``(mask, 7)``, where it has that; or a list of several
+    clip
+        only the side of a plane to which its normal points: (nx, ny, nz, d), where n.p >= d, or a point and the
+        normal, ((x, y, z), (nx, ny, nz)); or several
+    sphere
+        only within this sphere, (x, y, z, radius); or several
+    cap
+        closes the surface where mask, clip and sphere cut it; of level 0
     simplify
         fewer triangles, within this distance
     drop_small
@@ -128,7 +145,7 @@ class Query:
     values
         another pyramid: its values at the points become ``Mesh.values``
     indices
-        focus, radius, box and simplify are in voxel indices and voxels
+        focus, radius, box, clip, sphere and simplify are in voxel indices and voxels
     inside
         where the object is, from which normals look away: values of at least the isovalue ('above'), or those
         below it ('below': dark things, level sets); 'auto': below for a level set of OpenVDB, else above
@@ -142,6 +159,10 @@ class Query:
     curvature: float | None = None
     or_finer: Sequence[Detail] = ()
     box: Sequence[Sequence[float]] | None = None
+    mask: Any = None
+    clip: ArrayLike | None = None
+    sphere: ArrayLike | None = None
+    cap: bool = False
     simplify: float | None = None
     drop_small: bool = False
     values: HasValues | None = None
@@ -165,6 +186,56 @@ def query_of(isovalue: Isovalue | Query, choice: Choice) -> Query:
 
 
 @dataclass
+class _Region:
+    """What the library reads: masks are pyramids, or arrays of bytes that are not 0 inside."""
+
+    masks: list[tuple[Any, float | None]]
+    planes: list[list[float]]
+    spheres: list[list[float]]
+
+
+def _mask_of(given: Any) -> tuple[Any, float | None]:
+    mask, value = given if isinstance(given, tuple) else (given, None)
+    if hasattr(mask, "_handle"):
+        return mask._handle, None if value is None else float(value)
+    array = np.asarray(mask)
+    if array.ndim != 3:
+        raise Error("a mask is a pyramid or an array [z, y, x], or (mask, value)")
+    inside = array != 0 if value is None else array == value  # exact for numbers of any type
+    return np.ascontiguousarray(inside).view(np.uint8), None
+
+
+def _rows_of(what: str, given: ArrayLike | None, counts: tuple[int, ...]) -> list[list[float]]:
+    """One row of so many numbers, or several."""
+    if given is None:
+        return []
+    rows = np.asarray(given, dtype=np.float64)
+    if rows.ndim > 1 and rows.shape[-2:] == (2, 3):
+        rows = rows.reshape(*rows.shape[:-2], 6)
+    rows = np.atleast_2d(rows)
+    if rows.ndim != 2 or rows.shape[1] not in counts:
+        raise Error(f"{what}={given!r} is not {' or '.join(map(str, counts))} numbers, or several of these")
+    listed: list[list[float]] = rows.tolist()
+    return listed
+
+
+def _plane_of(row: list[float]) -> list[float]:
+    if len(row) == 4:
+        return row
+    normal = row[3:]
+    return [*normal, sum(p * n for p, n in zip(row[:3], normal, strict=True))]
+
+
+def _region_of(query: Query) -> _Region:
+    masks = [] if query.mask is None else query.mask if isinstance(query.mask, list) else [query.mask]
+    return _Region(
+        [_mask_of(mask) for mask in masks],
+        [_plane_of(row) for row in _rows_of("clip", query.clip, (4, 6))],
+        _rows_of("sphere", query.sphere, (4,)),
+    )
+
+
+@dataclass
 class _QuerySettings:
     """What the library reads."""
 
@@ -173,6 +244,8 @@ class _QuerySettings:
     indices: bool
     or_finer: Sequence[Detail]
     box: tuple[Triple, Triple] | None
+    region: _Region
+    cap: bool
     simplify: float | None
     drop_small: bool
     values: Any
@@ -192,7 +265,7 @@ def settings_of(
         (ax, ay, az), (bx, by, bz) = query.box
         box = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
     return _QuerySettings(
-        isovalue, query._detail(), query.indices, query.or_finer, box, query.simplify, query.drop_small,
+        isovalue, query._detail(), query.indices, query.or_finer, box, _region_of(query), query.cap, query.simplify, query.drop_small,
         None if query.values is None else query.values._handle, threads, progress, cancel, part,
         query.inside == "below",
     )  # fmt: skip

@@ -3,6 +3,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -85,8 +86,60 @@ QueryBox indexBoxAround(const QueryBox& world, const GridGeometry& geometry) {
   return result;
 }
 
-// A `_QuerySettings` of Python (isobrick/_query.py).
-Query readQuery(const nb::object& from, const GridGeometry& geometry) {
+using MaskArray = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+// A copy of the array, [z, y, x], in a volume's own grid.
+std::shared_ptr<const Pyramid> pyramidOfMask(const MaskArray& array, const GridGeometry& geometry,
+                                             const Index3& voxels) {
+  struct HeldMask {
+    std::vector<std::uint8_t> voxels;
+    std::unique_ptr<const Pyramid> pyramid;
+  };
+  const auto held = std::make_shared<HeldMask>();
+  held->voxels.assign(array.data(), array.data() + array.size());
+  VolumeInfo info;
+  for (int axis = 0; axis < 3; ++axis)
+    info.voxels[axis] = static_cast<std::int64_t>(array.shape(static_cast<std::size_t>(2 - axis)));
+  if (info.voxels != voxels)
+    throw Error(
+        "a mask that is an array has the shape of the volume; give a pyramid of another one");
+  info.geometry = geometry;
+  info.source = "mask";
+  held->pyramid =
+      pyramidOfArray(info, {held->voxels.data(), info.voxels.x, info.voxels.x * info.voxels.y});
+  return {held, held->pyramid.get()};
+}
+
+// A `_Region` of Python. `indices`: planes and spheres are in voxel indices.
+SurfaceRegion readRegion(const nb::object& from, const GridGeometry& geometry, const Index3& voxels,
+                         bool indices) {
+  using Doubles4 = std::array<double, 4>;
+  SurfaceRegion region;
+  for (const nb::handle one : from.attr("masks")) {
+    const auto [mask, value] = nb::cast<std::pair<nb::object, std::optional<double>>>(one);
+    PyramidHandle* handle = nullptr;
+    region.masks.push_back({nb::try_cast(mask, handle)
+                                ? handle->pyramid()
+                                : pyramidOfMask(nb::cast<MaskArray>(mask), geometry, voxels),
+                            value});
+  }
+  for (const nb::handle one : from.attr("planes")) {
+    const auto p = nb::cast<Doubles4>(one);
+    const glm::dvec3 normal(p[0], p[1], p[2]);
+    region.half_spaces.push_back(indices ? HalfSpace{normal, p[3]}
+                                         : halfSpaceInWorld(geometry, normal, p[3]));
+  }
+  for (const nb::handle one : from.attr("spheres")) {
+    const auto s = nb::cast<Doubles4>(one);
+    const glm::dvec3 center(s[0], s[1], s[2]);
+    region.balls.push_back(indices ? RegionBall{center, s[3]}
+                                   : ballInWorld(geometry, center, s[3]));
+  }
+  return region;
+}
+
+// A `_QuerySettings` of Python (isobrick/_query.py), for a volume of so many voxels.
+Query readQuery(const nb::object& from, const GridGeometry& geometry, const Index3& voxels) {
   const bool indices = nb::cast<bool>(from.attr("indices"));
   Query query;
   query.isovalue = nb::cast<double>(from.attr("isovalue"));
@@ -98,6 +151,8 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry) {
     const QueryBox box{vectorOf((*corners)[0]), vectorOf((*corners)[1])};
     query.box = indices ? box : indexBoxAround(box, geometry);
   }
+  query.cap = nb::cast<bool>(from.attr("cap"));
+  query.region = readRegion(from.attr("region"), geometry, voxels, indices);
   if (const auto distance = optionalOf<double>(from, "simplify"))
     query.simplify = SimplifyOptions{*distance, !indices, nb::cast<bool>(from.attr("drop_small"))};
   return query;
@@ -253,7 +308,7 @@ class Session {
 
   MeshHandle extract(const nb::object& settings, bool is_progressive) {
     const auto part = readPart(settings);
-    Query query = readQuery(settings, geometry());
+    Query query = readQuery(settings, geometry(), pyramid_->spec().voxels);
     query.is_progressive = is_progressive;
     const CallOptions call = readCall(settings);
     const std::shared_ptr<const VertexValues> values = readValues(settings);
@@ -276,7 +331,7 @@ class Session {
     std::error_code ignored;
     if (std::filesystem::equivalent(path, pyramid_->path(), ignored))
       throw Error("'" + path + "' is the pyramid itself; choose another name", {.path = path});
-    Query query = readQuery(settings, geometry());
+    Query query = readQuery(settings, geometry(), pyramid_->spec().voxels);
     const auto part = readPart(settings);
     const bool is_share = std::filesystem::path(path).extension() == kMeshShareEnding;
     const std::shared_ptr<const VertexValues> values = readValues(settings);
@@ -407,7 +462,7 @@ class IdleMesh {
 nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
                         const MeshExtraction& extract) {
   static auto* const idle = new IdleMesh;
-  Query query = readQuery(settings, info.geometry);
+  Query query = readQuery(settings, info.geometry, info.voxels);
   const CallOptions call = readCall(settings);
   const std::shared_ptr<const VertexValues> values = readValues(settings);
   const std::shared_ptr<MeshData> mesh = idle->take();

@@ -42,7 +42,7 @@ foreach(rooms "kernels:meshing|oracles|paging|session|shares|simplify|sinks"
     "sinks:kernels|meshing|oracles|paging|session|shares|simplify"
     "shares:kernels|meshing|oracles|paging|session|simplify"
     "simplify:kernels|meshing|oracles|paging|session|shares"
-    "oracles:meshing|shares|simplify|sinks" "meshing:paging|shares|simplify")
+    "region:meshing|oracles|paging|session|shares|simplify" "oracles:meshing|shares|simplify|sinks" "meshing:paging|shares|simplify")
   string(REPLACE ":" ";" rooms ${rooms})
   list(GET rooms 0 room)
   list(GET rooms 1 others)

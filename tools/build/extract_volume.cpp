@@ -162,14 +162,17 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   std::shared_ptr<const Pyramid> other;
   std::optional<PyramidValues> values;
   if (!arguments.attribute.path.empty()) {
-    other = openPyramidFile(arguments.attribute.pyramid, memory_bytes / 2,
+    other = openPyramidFile(arguments.attribute.pyramid,
+                            memory_bytes / 2 / (1 + arguments.query.region.masks.size()),
                             fileAccess(arguments.query.no_map), {});
     values.emplace(*other);
   }
   return runWithThreads(arguments.query.threads, [&]() -> std::optional<ExtractResults> {
     BrickStreamOptions options;
     options.open = [&] { return source != nullptr ? std::move(source) : open(); };
-    options.memory_bytes = memory_bytes / (other != nullptr ? 4 : 2);
+    const std::size_t others = arguments.query.region.masks.size() + (other != nullptr ? 1 : 0);
+    if (others > 0) openMasks(arguments.query, memory_bytes / 2 / others);
+    options.memory_bytes = memory_bytes / (others > 0 ? 4 : 2);
     options.cancel = &interruptFlag();
     BrickStream stream(std::move(options));
     if (!stream.fits()) return std::nullopt;

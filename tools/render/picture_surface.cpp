@@ -69,8 +69,10 @@ Look lookOf(const std::vector<Look>& given, std::size_t number, const Otherwise&
 
 DrawableSurface extractPictureSurface(QueryOptions options, const PictureLooks& looks,
                                       ViewState& view) {
-  const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
-                                    fileAccess(options.no_map), remoteOptions(options.input));
+  const std::uint64_t memory_bytes = options.memory_bytes / (1 + options.region.masks.size());
+  openMasks(options, memory_bytes);
+  const auto file = openPyramidFile(options.input.pyramid, memory_bytes, fileAccess(options.no_map),
+                                    remoteOptions(options.input));
   const Pyramid& pyramid = *file;
   chooseIsovalues(options, pyramid);
   refuseTwinIsovalues(options.isovalues);

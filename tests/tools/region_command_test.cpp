@@ -1,0 +1,69 @@
+// `isobrick extract` and `render` of a part of a surface.
+#include "tests/support/command_test.h"
+
+namespace isobrick::test {
+namespace {
+
+class RegionCommandTest : public CommandTest {
+ protected:
+  void SetUp() override {
+    runWell({"phantom", "head", "--voxels", "48", "-o", "head.nrrd"});
+    runWell({"build", "head.nrrd"});
+  }
+  Json extracted(const char* input, const Words& more) {
+    Words words = {"extract", input, "--iso", "900"};
+    words.insert(words.end(), more.begin(), more.end());
+    return runForJson(words);
+  }
+};
+
+TEST_F(RegionCommandTest, PlanesAndSpheresCutInVoxelsOrInTheWorld) {
+  const Json whole = extracted("head.isb", {});
+  const Json half = extracted("head.isb", {"--clip", "1,0,0,24"});
+  EXPECT_LT(half["triangles"], whole["triangles"]);
+  EXPECT_GT(half["triangles"], 0);
+  EXPECT_EQ(extracted("head.isb", {"--clip", "24,5,5,2,0,0"})["triangles"], half["triangles"]);
+  // Straight from the volume, too.
+  EXPECT_EQ(extracted("head.nrrd", {"--clip", "1,0,0,24"})["triangles"], half["triangles"]);
+  const Json info = runForJson({"info", "head.isb"});
+  const double x = info["origin"][0].get<double>() + 24 * info["spacing"][0].get<double>();
+  const Json in_world = extracted("head.isb", {"--world", "--clip", "1,0,0," + std::to_string(x)});
+  EXPECT_EQ(in_world["triangles"], half["triangles"]);
+  const Json ball = extracted("head.isb", {"--sphere", "24,24,24,12", "--clip", "1,0,0,24"});
+  EXPECT_LT(ball["triangles"], half["triangles"]);
+  const Json solid = extracted("head.isb", {"--sphere", "24,24,24,12", "--cap", "--components"});
+  for (const Json& one : solid["components"]) EXPECT_TRUE(one["volume"].is_number());
+}
+
+TEST_F(RegionCommandTest, MasksAreVolumesOrPyramids) {
+  const Json whole = extracted("head.isb", {});
+  // The head itself is a mask that has all voxels but those that are 0.
+  for (const char* const input : {"head.isb", "head.nrrd"}) {
+    EXPECT_EQ(extracted(input, {"--mask", "phantom:sphere:48"})["triangles"],
+              extracted("head.isb", {"--mask", "phantom:sphere:48"})["triangles"]);
+    EXPECT_EQ(extracted(input, {"--mask", "head.nrrd:-12345"})["triangles"], 0);
+  }
+  const Outcome twice = run(
+      {"extract", "head.isb", "--iso", "900", "--mask", "head.nrrd", "-o", "head.nrrd", "--force"});
+  EXPECT_NE(twice.status, 0);
+}
+
+TEST_F(RegionCommandTest, BadWordsAreRefusedInOneLine) {
+  const std::vector<std::pair<Words, const char*>> bad = {
+      {{"--clip", "1,0,0"}, "NX,NY,NZ,D"},
+      {{"--clip", "0,0,0,1"}, "normal of 0,0,0"},
+      {{"--sphere", "1,2,3,-4"}, "radius above 0"},
+      {{"--mask", "nothing.nrrd:3"}, "nothing.nrrd"},
+      {{"--sphere", "24,24,24,9", "--cap", "--level", "1"}, "level 0"}};
+  for (const auto& [more, text] : bad) {
+    Words words = {"extract", "head.isb", "--iso", "900"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = run(words);
+    EXPECT_NE(outcome.status, 0);
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.err;
+    EXPECT_NE(outcome.err.find(text), std::string::npos) << outcome.err;
+  }
+}
+
+}  // namespace
+}  // namespace isobrick::test

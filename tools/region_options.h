@@ -1,0 +1,44 @@
+// The options that cut a surface to a part of its volume: --mask, --clip and --sphere.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/extract/surface_region.h"
+#include "isobrick/storage/pyramid.h"
+#include "tools/volume_input.h"
+
+namespace isobrick {
+
+struct RegionOptions {
+  struct Mask {
+    VolumeInput input;
+    std::optional<double> value;
+    std::shared_ptr<const Pyramid> opened;  // after openMasks()
+  };
+  struct Sphere {
+    glm::dvec3 center{0.0};
+    double radius = 0;
+  };
+  std::vector<Mask> masks;
+  std::vector<HalfSpace> planes;  // in voxel indices, or in world units
+  std::vector<Sphere> spheres;    // likewise
+
+  bool isEverywhere() const { return masks.empty() && planes.empty() && spheres.empty(); }
+  std::vector<std::string> files() const;  // of masks, and their pyramids
+};
+
+void addRegionOptions(CLI::App& app, RegionOptions& options);
+
+// findPyramid() of all masks, in this cache folder (empty: the default one).
+void findMasks(RegionOptions& options, const std::string& cache_folder, int threads,
+               std::uint64_t memory_bytes);
+
+// `world`: planes and spheres are in world units. The masks are open.
+SurfaceRegion makeRegion(const RegionOptions& options, bool world, const GridGeometry& geometry);
+
+}  // namespace isobrick
