@@ -187,7 +187,7 @@ export class SceneRenderer {
       { side: three.DoubleSide, stencilWrite: true, stencilRef: 0, stencilFunc: three.NotEqualStencilFunc },
     );
     const square = new three.BufferGeometry();
-    square.setAttribute('position', new three.Float32BufferAttribute([0, 0, 1, 0, 0, 1, 1, 1], 2));
+    square.setAttribute('position', new three.Float32BufferAttribute([0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0], 3));
     square.setIndex([0, 1, 2, 2, 1, 3]);
     this.cap_scene = fixedScene(fixedMesh(square, this.cap));
     this.distance = program(shaders.kSurfaceVertexShader, shaders.kDistanceFragmentShader, this.uniforms, {
@@ -317,6 +317,9 @@ export class SceneRenderer {
     // For culling alone: the programs do the same without losing digits.
     const turn = new three.Matrix4().setFromMatrix3(u.lattice_to_eye.value);
     this.camera.matrixWorldInverse.copy(turn.multiply(new three.Matrix4().makeTranslation(-rest[0], -rest[1], -rest[2])));
+    // From the outermost, whose isovalue is the least, to the innermost.
+    const order = frame.surfaces.map((_, i) => i).sort((a, b) => frame.surfaces[a]!.isovalue - frame.surfaces[b]!.isovalue);
+    for (const chunk of this.chunks.values()) this.place(chunk, snapped, frame, order.indexOf(chunk.surface));
     for (const [key, material] of this.materials) {
       const [surface = 0, level = 0] = key.split(' ').map(Number);
       const shown = frame.surfaces[surface];
@@ -325,9 +328,6 @@ export class SceneRenderer {
       );
       material.uniforms['surface_color']!.value.set(...color.toArray(), shown?.opacity ?? 0);
     }
-    // From the outermost, whose isovalue is the least, to the innermost.
-    const order = frame.surfaces.map((_, i) => i).sort((a, b) => frame.surfaces[a]!.isovalue - frame.surfaces[b]!.isovalue);
-    for (const chunk of this.chunks.values()) this.place(chunk, snapped, frame, order.indexOf(chunk.surface));
   }
 
   private place(chunk: KeptChunk, snapped: Vec3, frame: SceneFrame, depth: number): void {
