@@ -3,6 +3,12 @@ import { build } from 'esbuild';
 import { cp, mkdir, readdir, readFile, rm, writeFile } from 'node:fs/promises';
 import { gzipSync } from 'node:zlib';
 
+// Their licences want to be with their code.
+const licenses = ['three/LICENSE', 'meshoptimizer/LICENSE.md'].map((name) =>
+  readFile(new URL(`node_modules/${name}`, import.meta.url), 'utf8'),
+);
+const banner = `/*!\n${(await Promise.all(licenses)).join('\n')}*/`;
+
 const folder = new URL('dist/', import.meta.url);
 await rm(folder, { recursive: true, force: true });
 await mkdir(folder);
@@ -16,6 +22,7 @@ await build({
   target: 'es2022',
   loader: { '.glsl': 'text' },
   legalComments: 'none',
+  banner: { js: banner },
 });
 await cp(new URL('page/', import.meta.url), folder, { recursive: true });
 
