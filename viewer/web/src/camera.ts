@@ -1,7 +1,6 @@
 // The camera of a view, and functions that give the next one: those of viewer/state/view_camera.h,
 // by the same names.
-import type { Box, Vec3 } from './vector';
-import { add, clamp, cornersOf, cross, dot, isEmpty, middle, scale, subtract } from './vector';
+import { add, clamp, cornersOf, cross, dot, middle, scale, subtract, type Box, type Vec3 } from './vector';
 
 // Turns about a pivot, which is in the middle of the picture. World units and degrees.
 export interface ViewCamera {
@@ -12,6 +11,8 @@ export interface ViewCamera {
   vertical_fov: number;
   orthographic: boolean;
 }
+
+export type Place = readonly [number, number]; // normalised device coordinates
 
 export interface PlacedCamera {
   eye: Vec3;
@@ -40,28 +41,19 @@ function axesOf(camera: ViewCamera): { right: Vec3; up: Vec3; forward: Vec3 } {
 export function placeCamera(camera: ViewCamera, aspect: number): PlacedCamera {
   const axes = axesOf(camera);
   const half_height = halfHeight(camera) * (camera.orthographic ? camera.distance : 1);
-  return {
-    ...axes,
-    eye: subtract(camera.pivot, scale(axes.forward, camera.distance)),
-    half_height,
-    half_width: half_height * aspect,
-    orthographic: camera.orthographic,
-  };
+  const eye = subtract(camera.pivot, scale(axes.forward, camera.distance));
+  return { ...axes, eye, half_height, half_width: half_height * aspect, orthographic: camera.orthographic };
 }
 
 // The same direction, from a place that sees the whole box; the pivot is its middle.
 export function framed(camera: ViewCamera, box: Box, aspect: number): ViewCamera {
-  if (isEmpty(box)) return camera;
   const { right, up, forward } = axesOf(camera);
   const pivot = middle(box);
   const half_height = halfHeight(camera) / kMargin;
   let distance = 0;
   for (const corner of cornersOf(box)) {
     const arm = subtract(corner, pivot);
-    const aside = Math.max(
-      Math.abs(dot(arm, right)) / (half_height * aspect),
-      Math.abs(dot(arm, up)) / half_height,
-    );
+    const aside = Math.max(Math.abs(dot(arm, right)) / aspect, Math.abs(dot(arm, up))) / half_height;
     distance = Math.max(distance, aside - (camera.orthographic ? 0 : dot(arm, forward)));
   }
   return { ...camera, pivot, distance: distance > 0 ? distance : camera.distance };
@@ -74,28 +66,22 @@ export const orbited = (camera: ViewCamera, azimuth: number, elevation: number):
 });
 
 // A point of the pivot's plane, from the pivot; `place` in normalised device coordinates.
-function inPivotPlane(camera: ViewCamera, place: readonly [number, number], aspect: number): Vec3 {
+function inPivotPlane(camera: ViewCamera, place: Place, aspect: number): Vec3 {
   const { right, up } = axesOf(camera);
   const half_height = halfHeight(camera) * camera.distance;
   return add(scale(right, place[0] * half_height * aspect), scale(up, place[1] * half_height));
 }
 
 // Moved so that points in the pivot's plane move by `shift` (normalised device coordinates).
-export const panned = (
-  camera: ViewCamera,
-  shift: readonly [number, number],
-  aspect: number,
-): ViewCamera => ({ ...camera, pivot: subtract(camera.pivot, inPivotPlane(camera, shift, aspect)) });
+export const panned = (camera: ViewCamera, shift: Place, aspect: number): ViewCamera => ({
+  ...camera,
+  pivot: subtract(camera.pivot, inPivotPlane(camera, shift, aspect)),
+});
 
 // The distance times `factor`; the point of the pivot's plane under `cursor` stays where it is.
-export function zoomed(
-  camera: ViewCamera,
-  factor: number,
-  cursor: readonly [number, number],
-  aspect: number,
-  bounds: readonly [number, number],
-): ViewCamera {
-  const distance = clamp(camera.distance * factor, bounds[0], bounds[1]);
+// `size`: of the volume, which bounds the distance.
+export function zoomed(camera: ViewCamera, factor: number, cursor: Place, aspect: number, size: number): ViewCamera {
+  const distance = clamp(camera.distance * factor, 1e-4 * size, 20 * size);
   const kept = distance / camera.distance;
   const under = inPivotPlane(camera, cursor, aspect);
   return { ...camera, distance, pivot: add(camera.pivot, scale(under, 1 - kept)) };
@@ -114,26 +100,17 @@ export function depthRangeOf(box: Box, camera: PlacedCamera): { near: number; fa
 }
 
 // The world's point under a place of the picture, at a distance along the view.
-export function pointAt(
-  camera: PlacedCamera,
-  place: readonly [number, number],
-  distance: number,
-): Vec3 {
+export function pointAt(camera: PlacedCamera, place: Place, distance: number): Vec3 {
   const by = camera.orthographic ? 1 : distance;
-  const aside = add(
-    scale(camera.right, place[0] * camera.half_width * by),
-    scale(camera.up, place[1] * camera.half_height * by),
-  );
-  return add(camera.eye, add(scale(camera.forward, distance), aside));
+  const right = scale(camera.right, place[0] * camera.half_width * by);
+  const up = scale(camera.up, place[1] * camera.half_height * by);
+  return add(camera.eye, add(scale(camera.forward, distance), add(right, up)));
 }
 
 // Where a point of the world is seen, in normalised device coordinates; none behind the eye.
-export function placeOf(camera: PlacedCamera, point: Vec3): [number, number] | undefined {
+export function placeOf(camera: PlacedCamera, point: Vec3): Place | undefined {
   const arm = subtract(point, camera.eye);
   const by = camera.orthographic ? 1 : dot(arm, camera.forward);
   if (!(by > 0)) return undefined;
-  return [
-    dot(arm, camera.right) / (by * camera.half_width),
-    dot(arm, camera.up) / (by * camera.half_height),
-  ];
+  return [dot(arm, camera.right) / (by * camera.half_width), dot(arm, camera.up) / (by * camera.half_height)];
 }

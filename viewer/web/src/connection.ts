@@ -1,6 +1,5 @@
 // The stream of one volume: sends the last wish, and connects again if the line breaks.
-import type { ServerMessage, Wish } from './protocol';
-import { addressOf } from './protocol';
+import { addressOf, type ServerMessage, type Wish } from './protocol';
 
 const kFirstPause = 500;
 const kLongestPause = 5000; // milliseconds

@@ -1,8 +1,8 @@
 // Mouse, fingers, wheel and keys over the scene, as viewer/state/interaction.cpp has them.
-import { orbited, panned, zoomed } from './camera';
-import type { Action, Host, Place } from './host';
-import { stepOf } from './histogram';
-import { activeSurface, bounded, withActive, withClipPlane } from './view_state';
+import { orbited, panned, zoomed, type Place } from './camera';
+import type { Action, Host } from './host';
+import { scale } from './vector';
+import { activeSurface, bounded, replaced, withActive, withClipPlane, type ViewClipPlane } from './view_state';
 
 const kDegreesPerPicture = 240; // a drag over the height of the picture
 const kZoomPerNotch = 0.88;
@@ -86,11 +86,11 @@ export class Gestures {
     this.host.hold(false);
     if (!is_click || !this.pressed || this.pressed.moved || event.button !== 0) return;
     const place = this.placeOf(event.clientX, event.clientY);
-    if (this.host.tool) return this.host.pickAt(place);
+    if (this.host.tool) return this.host.take(place);
     const { x, y, at } = this.last_click;
     const is_near = Math.hypot(event.clientX - x, event.clientY - y) <= 4 * kClickPixels;
     const is_again = is_near && event.timeStamp - at <= kDoubleClickMilliseconds;
-    if (is_again) this.host.focusAt(place);
+    if (is_again) this.host.take(place);
     this.last_click = { x: event.clientX, y: event.clientY, at: is_again ? -1e9 : event.timeStamp };
   }
 
@@ -109,9 +109,7 @@ export class Gestures {
 
   private zoom(factor: number, place: Place): void {
     const { state, volume, aspect } = this.host;
-    const size = volume.size();
-    const camera = zoomed(state.camera, factor, place, aspect, [1e-4 * size, 20 * size]);
-    this.host.change({ ...state, camera });
+    this.host.change({ ...state, camera: zoomed(state.camera, factor, place, aspect, volume.size()) });
   }
 
   private pan(dx: number, dy: number): void {
@@ -151,14 +149,15 @@ export class Gestures {
     } else if (is_here && (key === '+' || key === '=' || key === '-')) {
       this.zoom(kZoomPerNotch ** (key === '-' ? -1 : 1), [0, 0]);
     } else if (is_here && key === 'Enter') {
-      (host.tool ? host.pickAt : host.focusAt).call(host, [0, 0]);
+      host.take([0, 0]);
     } else if (kActions[key]) {
       host.act(kActions[key]);
     } else if (key === 'x' || key === 'y' || key === 'z') {
       host.change(withClipPlane(state, 'xyz'.indexOf(key), volume));
     } else if (key === 'i') {
-      const last = state.clip_planes.length - 1;
-      host.change({ ...state, clip_planes: state.clip_planes.map((p, i) => (i === last ? turnedRound(p) : p)) });
+      const planes = state.clip_planes;
+      const last = planes.at(-1);
+      if (last) host.change({ ...state, clip_planes: replaced(planes, planes.length - 1, turnedRound(last)) });
     } else if (key === 'c') {
       host.change({ ...state, coloring: state.coloring === 'level' ? 'plain' : 'level' });
     } else if (key === 'o') {
@@ -167,10 +166,6 @@ export class Gestures {
       const next = volume.isovalues.indexOf(activeSurface(state).isovalue) + 1;
       const isovalue = volume.isovalues[next % volume.isovalues.length];
       if (isovalue !== undefined) host.change(withActive(state, { isovalue }));
-    } else if (key === '[' || key === ']') {
-      const step = stepOf(volume.values[1] - volume.values[0]) * (event.shiftKey ? 10 : 1);
-      const isovalue = activeSurface(state).isovalue + (key === '[' ? -step : step);
-      host.change(bounded(withActive(state, { isovalue }), volume));
     } else {
       return false;
     }
@@ -178,8 +173,7 @@ export class Gestures {
   }
 }
 
-export const turnedRound = <T extends { normal: readonly [number, number, number]; offset: number }>(plane: T): T => ({
-  ...plane,
-  normal: [-plane.normal[0], -plane.normal[1], -plane.normal[2]],
-  offset: -plane.offset,
+export const turnedRound = ({ normal, offset }: ViewClipPlane): Partial<ViewClipPlane> => ({
+  normal: scale(normal, -1),
+  offset: -offset,
 });

@@ -1,8 +1,11 @@
 // The histogram, the pencil of isosurfaces under it, and over both a slider of the isovalue.
-import { clamp } from './vector';
 import type { VolumeFacts } from './protocol';
-import type { ViewState } from './view_state';
-import { activeSurface } from './view_state';
+import { clamp } from './vector';
+import { activeSurface, type ViewState } from './view_state';
+
+const kSteps: Readonly<Record<string, number>> = {
+  ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10, Home: -Infinity, End: Infinity,
+};
 
 export class Histogram {
   private facts: VolumeFacts | undefined;
@@ -56,21 +59,11 @@ export class Histogram {
     const [least, greatest] = this.facts.value_range;
     const step = stepOf(greatest - least) * (event.shiftKey ? 10 : 1);
     const now = activeSurface(this.state).isovalue;
-    const next: Record<string, number> = {
-      ArrowLeft: now - step,
-      ArrowDown: now - step,
-      ArrowRight: now + step,
-      ArrowUp: now + step,
-      PageDown: now - 10 * step,
-      PageUp: now + 10 * step,
-      Home: least,
-      End: greatest,
-    };
-    const value = next[event.key];
-    if (value === undefined) return;
+    const steps = kSteps[event.key];
+    if (steps === undefined) return;
     event.preventDefault();
     event.stopPropagation();
-    this.choose(value);
+    this.choose(clamp(now + steps * step, least, greatest));
   }
 
   private draw(): void {

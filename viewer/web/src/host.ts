@@ -1,8 +1,7 @@
 // What controls and gestures see of the page.
+import type { Place } from './camera';
 import type { Vec3 } from './vector';
 import type { ViewState, ViewVolume } from './view_state';
-
-export type Place = readonly [number, number]; // normalised device coordinates
 
 // Of the page, for buttons and keys alike.
 export type Action =
@@ -19,9 +18,8 @@ export interface Host {
   change(next: ViewState): void;
   // A drag begins or ends: all of it is one step of undo.
   hold(is_held: boolean): void;
-  // On the surface at a place: the view turns about it, or a tool takes it.
-  focusAt(place: Place): void;
-  pickAt(place: Place): void;
+  // The point of the surface at a place: the tool takes it or, if there is none, the view turns about it.
+  take(place: Place): void;
   act(action: Action): void;
 }
 

@@ -1,8 +1,7 @@
 // Opens the volume that the address names: the key of the server first, then its list.
 import { element } from './host';
 import { Page } from './page';
-import { request, RequestError } from './protocol';
-import type { VolumeEntry } from './protocol';
+import { request, RequestError, type VolumeEntry } from './protocol';
 import { fragmentOf, keepToken, keptToken, readFragment } from './view_link';
 
 // The user's key: the address of the server, or the key in it.

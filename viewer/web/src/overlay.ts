@@ -1,8 +1,6 @@
 // What is written over the scene: the scale bar, measures, and the points picked so far.
-import type { PlacedCamera } from './camera';
-import { placeOf } from './camera';
-import type { Vec3 } from './vector';
-import { cross, dot, length, subtract } from './vector';
+import { placeCamera, placeOf } from './camera';
+import { cross, dot, length, subtract, type Vec3 } from './vector';
 import type { ViewMeasurement, ViewState } from './view_state';
 
 // Four digits, and all of those before the point (viewer/state/measurement.h).
@@ -27,15 +25,11 @@ function scaleBarOf(per_pixel: number, most_pixels: number): number {
   return power * ([5, 2].find((times) => times * power <= most) ?? 1);
 }
 
-export function drawOverlay(
-  canvas: CanvasRenderingContext2D,
-  size: { width: number; height: number; scale: number },
-  state: ViewState,
-  camera: PlacedCamera,
-  picked: readonly Vec3[],
-  unit: string,
-): void {
-  const { width, height, scale } = size;
+export function drawOverlay(layer: HTMLCanvasElement, state: ViewState, picked: readonly Vec3[], unit: string): void {
+  const { width, height } = layer;
+  const scale = devicePixelRatio;
+  const camera = placeCamera(state.camera, width / height);
+  const canvas = layer.getContext('2d')!;
   canvas.clearRect(0, 0, width, height);
   canvas.font = `${14 * scale}px system-ui, sans-serif`;
   canvas.lineCap = canvas.lineJoin = 'round';
@@ -81,12 +75,8 @@ export function drawOverlay(
   const bar = scaleBarOf(seen / height, 0.25 * width);
   const pixels = (bar / seen) * height;
   const [right, foot] = [width - 16 * scale, height - 16 * scale];
-  stroke([
-    [right - pixels, foot - 5 * scale],
-    [right - pixels, foot],
-    [right, foot],
-    [right, foot - 5 * scale],
-  ]);
+  const [left, top] = [right - pixels, foot - 5 * scale];
+  stroke([[left, top], [left, foot], [right, foot], [right, top]]);
   canvas.textAlign = 'center';
   write(withUnit(String(Number(bar.toPrecision(6))), unit), right - pixels / 2, foot - 9 * scale);
   canvas.textAlign = 'start';

@@ -1,24 +1,20 @@
 // The page of one volume: the view, what is asked for and drawn of it, and the frames.
-import { framed, placeCamera, pointAt } from './camera';
+import { framed, placeCamera, pointAt, type Place } from './camera';
 import { CapImages } from './cap_images';
 import { Connection } from './connection';
 import { DecoderPool } from './decoder_pool';
 import { Gestures } from './gestures';
-import { element } from './host';
-import type { Action, Host, Place } from './host';
+import { element, type Action, type Host } from './host';
 import { drawOverlay, shortNumber } from './overlay';
 import { Panel } from './panel';
-import type { ServerMessage, Show, VolumeFacts, Wish } from './protocol';
-import { request, volumeOf } from './protocol';
+import { request, volumeOf, type ServerMessage, type Show, type VolumeFacts, type Wish } from './protocol';
 import { save, savePicture } from './save';
-import type { SceneFrame } from './scene_renderer';
-import { SceneRenderer } from './scene_renderer';
+import { SceneRenderer, type SceneFrame } from './scene_renderer';
 import { SurfaceSet } from './surface_set';
 import type { Vec3 } from './vector';
 import { ViewHistory } from './view_history';
 import { fragmentOf, viewFromJson, viewToJson } from './view_link';
-import type { ViewState, ViewVolume } from './view_state';
-import { activeSurface, bounded, firstView, focusedOn, kMostMeasurements } from './view_state';
+import { activeSurface, bounded, firstView, focusedOn, type ViewState, type ViewVolume } from './view_state';
 
 const kMostTriangles = { mouse: 8_000_000, fingers: 2_000_000 };
 
@@ -84,21 +80,15 @@ export class Page implements Host {
     this.requestFrame();
   }
 
-  focusAt(place: Place): void {
-    void this.pointUnder(place).then((point) => point && this.change(focusedOn(this.state, point, this.volume)));
-  }
-
-  pickAt(place: Place): void {
+  take(place: Place): void {
     void this.pointUnder(place).then((point) => {
-      if (!point || !this.tool) return;
+      if (!point) return;
+      if (!this.tool) return this.change(focusedOn(this.state, point, this.volume));
       this.picked.push(point);
-      if (this.picked.length === (this.tool === 'angle' ? 3 : 2)) {
-        const { measurements } = this.state;
-        if (measurements.length < kMostMeasurements)
-          this.state = { ...this.state, measurements: [...measurements, { points: this.picked }] };
-        this.picked = [];
-      }
-      this.requestFrame();
+      if (this.picked.length < (this.tool === 'angle' ? 3 : 2)) return this.requestFrame();
+      const measurements = [...this.state.measurements, { points: this.picked }];
+      this.picked = [];
+      this.change(bounded({ ...this.state, measurements }, this.volume));
     });
   }
 
@@ -140,23 +130,18 @@ export class Page implements Host {
   }
 
   private receive(message: ServerMessage): void {
-    if (message.type === 'opening') {
-      this.say('status', `${message.phase}: ${Math.round(100 * message.share)} %`);
-    } else if (message.type === 'volume') {
-      this.begin(message);
-    } else if (message.type === 'show') {
-      this.surfaces.add({ show: message });
-    } else if (message.type === 'drop') {
-      this.surfaces.add(message);
-    } else if (message.type === 'fine') {
-      const then = (): void => {
-        this.is_fine = message.wish === this.connection.lastWish;
-        this.tell(message.limited);
-      };
-      this.surfaces.add({ then });
-    } else if (message.type === 'error') {
-      this.say('trouble', message.error);
-    }
+    const { type } = message;
+    if (type === 'opening') this.say('status', `${message.phase}: ${Math.round(100 * message.share)} %`);
+    if (type === 'volume') this.begin(message);
+    if (type === 'show') this.surfaces.add({ show: message });
+    if (type === 'drop') this.surfaces.add(message);
+    if (type === 'error') this.say('trouble', message.error);
+    if (type !== 'fine') return;
+    const then = (): void => {
+      this.is_fine = message.wish === this.connection.lastWish;
+      this.tell(message.limited);
+    };
+    this.surfaces.add({ then });
   }
 
   // Again after a lost connection.
@@ -193,10 +178,7 @@ export class Page implements Host {
     this.sendWish();
     this.renderer.draw(this.frameOf());
     for (const { show, seconds: passed } of shown) this.connection.noteShown(show.pass, passed);
-    const { width, height } = this.overlay;
-    const size = { width, height, scale: devicePixelRatio };
-    const camera = placeCamera(this.state.camera, this.aspect);
-    drawOverlay(this.overlay.getContext('2d')!, size, this.state, camera, this.picked, this.volume.unit);
+    drawOverlay(this.overlay, this.state, this.picked, this.volume.unit);
     if (this.shown !== this.state) {
       panel.show(this.facts);
       this.shown = this.state;
@@ -264,7 +246,7 @@ export class Page implements Host {
   private async pointUnder(place: Place): Promise<Vec3 | undefined> {
     const frame = this.frameOf();
     const distance = await this.renderer.distanceAt(frame, place);
-    return distance === undefined ? undefined : pointAt(frame.camera, place, distance);
+    return distance === 0 ? undefined : pointAt(frame.camera, place, distance);
   }
 
   private resize(): void {

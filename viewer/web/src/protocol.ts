@@ -20,7 +20,6 @@ export interface VolumeFacts extends VolumeEntry {
   direction: readonly number[]; // column after column
   unit: 'millimetres' | 'unknown';
   value_range: readonly [number, number];
-  levels: number;
   position_step: number;
   histogram: { least: number; greatest: number; counts: number[]; triangles?: number[] };
   isovalues: number[];
@@ -40,7 +39,6 @@ export interface Show {
   show: Range[];
   drop: Range[];
   triangles: number;
-  complete: boolean;
   surfaces: { surface: number; triangles: number; levels: [number, number][] }[];
   limited?: string;
 }
@@ -57,15 +55,8 @@ export function volumeOf(facts: VolumeFacts): ViewVolume {
   const column = (i: number): Vec3 => facts.direction.slice(3 * i, 3 * i + 3) as unknown as Vec3;
   const direction: Mat3 = [column(0), column(1), column(2)];
   const unit = facts.unit === 'millimetres' ? 'mm' : '';
-  return new ViewVolume(
-    facts.dimensions,
-    facts.origin,
-    facts.spacing,
-    direction,
-    facts.value_range,
-    facts.isovalues,
-    unit,
-  );
+  const { dimensions, origin, spacing, value_range, isovalues } = facts;
+  return new ViewVolume(dimensions, origin, spacing, direction, value_range, isovalues, unit);
 }
 
 // Where a request goes, from the folder of the page on, so that proxies may put a path in front.

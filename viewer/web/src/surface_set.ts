@@ -111,13 +111,13 @@ export class SurfaceSet {
     this.inRanges(show.drop, (id) => this.release(id));
     this.inRanges(show.show, (id) => {
       this.kept.get(id)!.is_shown = true;
-      this.renderer.show(id);
+      this.renderer.show(id, true);
     });
   }
 
   private release(id: number): void {
     this.kept.delete(id);
-    this.renderer.hide(id);
+    this.renderer.show(id, false);
     this.leaving.push(id);
   }
 

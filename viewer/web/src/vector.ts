@@ -15,11 +15,7 @@ export const length = (a: Vec3): number => Math.hypot(a[0], a[1], a[2]);
 export const unit = (a: Vec3): Vec3 => scale(a, 1 / (length(a) || 1));
 export const clamp = (value: number, least: number, most: number): number =>
   Math.min(most, Math.max(least, value));
-export const mapped = (a: Vec3, f: (value: number, axis: number) => number): Vec3 => [
-  f(a[0], 0),
-  f(a[1], 1),
-  f(a[2], 2),
-];
+export const mapped = (a: Vec3, f: (value: number, axis: number) => number): Vec3 => [f(a[0], 0), f(a[1], 1), f(a[2], 2)];
 
 // Three columns.
 export type Mat3 = readonly [Vec3, Vec3, Vec3];
@@ -38,7 +34,7 @@ export function inverse(m: Mat3): Mat3 {
   return transposed([scale(rows[0], by), scale(rows[1], by), scale(rows[2], by)]);
 }
 
-// A box of the world; nothing is in it while a lower bound exceeds the upper one.
+// A box along the axes.
 export interface Box {
   lower: Vec3;
   upper: Vec3;
@@ -48,9 +44,6 @@ export const boxAround = (points: readonly Vec3[]): Box => ({
   lower: mapped([0, 0, 0], (_, axis) => Math.min(...points.map((p) => p[axis]!))),
   upper: mapped([0, 0, 0], (_, axis) => Math.max(...points.map((p) => p[axis]!))),
 });
-export const isEmpty = (box: Box): boolean => !box.lower.every((low, axis) => low <= box.upper[axis]!);
 export const middle = (box: Box): Vec3 => scale(add(box.lower, box.upper), 0.5);
 export const cornersOf = (box: Box): Vec3[] =>
-  [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
-    mapped(box.lower, (low, axis) => ((i >> axis) & 1 ? box.upper[axis]! : low)),
-  );
+  [0, 1, 2, 3, 4, 5, 6, 7].map((i) => mapped(box.lower, (low, axis) => ((i >> axis) & 1 ? box.upper[axis]! : low)));

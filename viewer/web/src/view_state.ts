@@ -1,8 +1,7 @@
 // All that a view brings back: the fields of a view file (docs/reference/views-and-pictures.md)
 // that the page knows, by the same names, so that a link, the window and `isobrick render --state`
 // show the same picture.
-import type { ViewCamera } from './camera';
-import { framed } from './camera';
+import { framed, type ViewCamera } from './camera';
 import type { Box, Mat3, Vec3 } from './vector';
 import { add, boxAround, clamp, cornersOf, inverse, length, mapped, scale, subtract, times, unit } from './vector';
 
@@ -64,11 +63,8 @@ export class ViewVolume {
     readonly isovalues: readonly number[], // that are suggested, the best one first
     readonly unit: string,
   ) {
-    this.indexToWorldMatrix = [
-      scale(direction[0], spacing[0]),
-      scale(direction[1], spacing[1]),
-      scale(direction[2], spacing[2]),
-    ];
+    const [x, y, z] = direction;
+    this.indexToWorldMatrix = [scale(x, spacing[0]), scale(y, spacing[1]), scale(z, spacing[2])];
     this.worldToIndexMatrix = inverse(this.indexToWorldMatrix);
   }
 
@@ -99,54 +95,26 @@ export class ViewVolume {
 }
 
 export const kSurfaceColors: readonly Vec3[] = [
-  [0.9, 0.86, 0.79],
-  [0.8, 0.45, 0.38],
-  [0.45, 0.66, 0.85],
-  [0.6, 0.75, 0.42],
-  [0.93, 0.78, 0.4],
-  [0.68, 0.52, 0.78],
-  [0.4, 0.72, 0.68],
-  [0.85, 0.6, 0.7],
+  [0.9, 0.86, 0.79], [0.8, 0.45, 0.38], [0.45, 0.66, 0.85], [0.6, 0.75, 0.42],
+  [0.93, 0.78, 0.4], [0.68, 0.52, 0.78], [0.4, 0.72, 0.68], [0.85, 0.6, 0.7],
 ];
 
 const kBackgrounds: Readonly<Record<'dark' | 'light', readonly [Vec3, Vec3]>> = {
-  dark: [
-    [0.36, 0.38, 0.41],
-    [0.16, 0.17, 0.19],
-  ],
-  light: [
-    [0.96, 0.97, 0.98],
-    [0.78, 0.8, 0.83],
-  ],
+  dark: [[0.36, 0.38, 0.41], [0.16, 0.17, 0.19]],
+  light: [[0.96, 0.97, 0.98], [0.78, 0.8, 0.83]],
 };
 
 export function firstView(volume: ViewVolume, aspect: number, theme: 'dark' | 'light'): ViewState {
   const [least, greatest] = volume.values;
   const [background_top, background_bottom] = kBackgrounds[theme];
-  const camera = {
-    pivot: [0, 0, 0] as Vec3,
-    distance: 1,
-    azimuth: 25,
-    elevation: 15,
-    vertical_fov: 30,
-    orthographic: false,
-  };
+  const from_the_left = { azimuth: 25, elevation: 15, vertical_fov: 30, orthographic: false };
+  const camera = { pivot: [0, 0, 0] as Vec3, distance: 1, ...from_the_left };
+  const isovalue = volume.isovalues[0] ?? 0.5 * (least + greatest);
   return {
     camera: framed(camera, volume.box(), aspect),
-    surfaces: [
-      {
-        isovalue: volume.isovalues[0] ?? 0.5 * (least + greatest),
-        color: kSurfaceColors[0]!,
-        opacity: 1,
-        visible: true,
-      },
-    ],
+    surfaces: [{ isovalue, color: kSurfaceColors[0]!, opacity: 1, visible: true }],
     active_surface: 0,
-    focus: {
-      center: scale(volume.last(), 0.5),
-      radius: Math.max(8, 0.25 * Math.max(...volume.voxels)),
-      everywhere: true,
-    },
+    focus: { center: scale(volume.last(), 0.5), radius: Math.max(8, 0.25 * Math.max(...volume.voxels)), everywhere: true },
     clip_planes: [],
     value_window: [least, greatest],
     coloring: 'plain',
@@ -180,49 +148,35 @@ export function bounded(state: ViewState, volume: ViewVolume): ViewState {
       center: mapped(state.focus.center, (value, axis) => clamp(value, 0, last[axis]!)),
       radius: clamp(state.focus.radius, 1, volume.diagonal()),
     },
-    clip_planes: state.clip_planes
-      .slice(0, kMostClipPlanes)
-      .map((plane) => ({ ...plane, normal: unit(plane.normal) })),
+    clip_planes: state.clip_planes.slice(0, kMostClipPlanes).map((p) => ({ ...p, normal: unit(p.normal) })),
     measurements: state.measurements.slice(0, kMostMeasurements),
   };
 }
+
+// A list with a change of element i.
+export const replaced = <T>(list: readonly T[], i: number, change: Partial<T>): T[] =>
+  list.map((item, at) => (at === i ? { ...item, ...change } : item));
 
 export const activeSurface = (state: ViewState): ViewSurface => state.surfaces[state.active_surface]!;
 
 export const withActive = (state: ViewState, change: Partial<ViewSurface>): ViewState => ({
   ...state,
-  surfaces: state.surfaces.map((surface, i) =>
-    i === state.active_surface ? { ...surface, ...change } : surface,
-  ),
+  surfaces: replaced(state.surfaces, state.active_surface, change),
 });
 
 // The view turns about the point, and the focus moves there.
-export const focusedOn = (state: ViewState, world: Vec3, volume: ViewVolume): ViewState =>
-  bounded(
-    {
-      ...state,
-      camera: { ...state.camera, pivot: world },
-      focus: { ...state.focus, center: volume.worldToIndex(world) },
-    },
-    volume,
-  );
+export function focusedOn(state: ViewState, world: Vec3, volume: ViewVolume): ViewState {
+  const focus = { ...state.focus, center: volume.worldToIndex(world) };
+  return bounded({ ...state, camera: { ...state.camera, pivot: world }, focus }, volume);
+}
 
 // A clip plane across an axis of the world through the focus, or that one off, or on again.
 export function withClipPlane(state: ViewState, axis: number, volume: ViewVolume): ViewState {
   const found = state.clip_planes.findIndex((plane) => Math.abs(plane.normal[axis]!) === 1);
-  if (found >= 0)
-    return {
-      ...state,
-      clip_planes: state.clip_planes.map((plane, i) =>
-        i === found ? { ...plane, enabled: !plane.enabled } : plane,
-      ),
-    };
+  const enabled = !state.clip_planes[found]?.enabled;
+  if (found >= 0) return { ...state, clip_planes: replaced(state.clip_planes, found, { enabled }) };
   if (state.clip_planes.length === kMostClipPlanes) return state;
-  const plane: ViewClipPlane = {
-    normal: mapped([0, 0, 0], (_, i) => (i === axis ? 1 : 0)),
-    offset: volume.indexToWorld(state.focus.center)[axis]!,
-    enabled: true,
-    cap: true,
-  };
-  return { ...state, clip_planes: [...state.clip_planes, plane] };
+  const normal = mapped([0, 0, 0], (_, i) => (i === axis ? 1 : 0));
+  const offset = volume.indexToWorld(state.focus.center)[axis]!;
+  return { ...state, clip_planes: [...state.clip_planes, { normal, offset, enabled, cap: true }] };
 }
