@@ -7,7 +7,7 @@ import { Gestures } from './gestures';
 import { element, type Action, type Host } from './host';
 import { drawOverlay, shortNumber } from './overlay';
 import { Panel } from './panel';
-import { request, volumeOf, type ServerMessage, type Show, type VolumeFacts, type Wish } from './protocol';
+import { request, RequestError, volumeOf, type ServerMessage, type Show, type VolumeFacts, type Wish } from './protocol';
 import { save, savePicture } from './save';
 import { SceneRenderer, type SceneFrame } from './scene_renderer';
 import { SurfaceSet } from './surface_set';
@@ -58,7 +58,7 @@ export class Page implements Host {
         this.surfaces.beginConnection();
         this.say('trouble', '');
       },
-      lost: () => this.say('trouble', 'The connection is lost; trying again …'),
+      lost: () => this.sayLost(),
       refused: () => this.say('status', ''),
     });
     new ResizeObserver(() => this.resize()).observe(element('view'));
@@ -287,6 +287,14 @@ export class Page implements Host {
         this.tell(undefined);
       })
       .catch((error: Error) => this.say('trouble', error.message));
+  }
+
+  private sayLost(): void {
+    this.say('trouble', 'The connection is lost; trying again …');
+    void request('volumes', this.token).catch((error: unknown) => {
+      if (error instanceof RequestError && error.status === 401)
+        this.say('trouble', 'The server began anew with another key: open the address that it printed.');
+    });
   }
 
   private say(where: 'status' | 'trouble', text: string): void {
