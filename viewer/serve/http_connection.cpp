@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/serve/http_state.h"
 #include "isobrick/viewer/serve/page_files.h"
 #include "isobrick/viewer/serve/url_query.h"
@@ -187,12 +188,9 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
                             (extension == ".glb" || extension == ".ply" || extension == ".stl");
     if (!is_surface && path.rest != "/slice.png")
       return refuse(http::status::not_found, "there is nothing of this name");
-    if (opened == nullptr)
-      return refuse(http::status::conflict, "the volume is not open yet; ask for it first");
-    if (is_surface)
-      sendSurface(opened, words, extension);
-    else
-      sendSlice(opened, words);
+    if (!is_surface) return sendSlice(path.volume, opened, words);
+    if (opened == nullptr) return refuseClosed();
+    sendSurface(opened, words, extension);
   }
 
   void sendPageFile(std::string_view path) {
@@ -232,11 +230,25 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     startStreamConnection(std::move(stream_), request_, volume, state_);
   }
 
-  void sendSlice(const std::shared_ptr<const OpenedVolume>& opened, const UrlQuery& words) {
-    const SlicePictureOrder order = slicePictureOrder(words, *opened->file);
+  void refuseClosed() {
+    refuse(http::status::conflict, "the volume is not open yet; ask for it first");
+  }
+
+  // Of a pyramid that is not open too, as a list of volumes shows it: opened for that alone.
+  void sendSlice(std::size_t volume, const std::shared_ptr<const OpenedVolume>& opened,
+                 const UrlQuery& words) {
+    constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
+    const std::string path = state_.volumes.pathOf(volume);
+    if (opened == nullptr && !isPyramidFile(path)) return refuseClosed();
+    std::optional<SlicePictureOrder> order;
+    if (opened != nullptr) order = slicePictureOrder(words, *opened->file);
     run(
         state_.slices,
-        [opened, order, &stop = state_.stop] { return slicePicture(*opened->file, order, stop); },
+        [opened, order, path, words, &state = state_] {
+          if (order) return slicePicture(*opened->file, *order, state.stop);
+          const OpenedVolume closed = openPyramid(path, kMemory, state.options.remote, &state.stop);
+          return slicePicture(*closed.file, slicePictureOrder(words, *closed.file), state.stop);
+        },
         [](HttpConnection& self, std::string picture) {
           self.reply(http::status::ok, typeOf(".png"), std::move(picture));
         });

@@ -31,6 +31,7 @@ class ServedVolumes {
 
   std::size_t count() const { return volumes_.size(); }
   std::size_t openCount() const;
+  const std::string& pathOf(std::size_t volume) const { return volumes_[volume].served.path; }
   // The volume if it is open; else it begins to be opened, unless that has just failed. Sets
   // `error` if it cannot be opened now.
   std::shared_ptr<const OpenedVolume> open(std::size_t volume, std::string& error);
