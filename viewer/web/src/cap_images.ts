@@ -47,6 +47,9 @@ export class CapImages {
     if (visible.length === 0) return [];
     const least = Math.min(...visible.map((surface) => surface.isovalue));
     const wanted: string[] = [];
+    const [lowest, highest] = volume.values;
+    const share = (value: number): number => (value - lowest) / (highest - lowest || 1);
+    const window: [number, number] = [share(state.value_window[0]), share(state.value_window[1])];
     const caps = state.clip_planes
       .filter((plane) => plane.enabled)
       .flatMap((plane, i) => {
@@ -59,9 +62,9 @@ export class CapImages {
         );
         const path =
           `volume/${this.volume_id}/slice.png?corner=${index(corner)}&across=${index(ends[0]!)}` +
-          `&along=${index(ends[1]!)}&size=${kMostPixels}&window=${state.value_window.join()}&least=${least}`;
+          `&along=${index(ends[1]!)}&size=${kMostPixels}&least=-1e30`; // where there is no value, it is clear
         wanted.push(path);
-        return [{ plane: i, ...place, values: this.images.get(path) }];
+        return [{ plane: i, ...place, values: this.images.get(path), least: share(least), window }];
       });
     for (const path of this.images.keys()) if (!wanted.includes(path)) this.images.delete(path);
     const missing = wanted.find((path) => !this.images.has(path));

@@ -217,6 +217,7 @@ export class Page implements Host {
     if (text === this.wished) return;
     this.wished = text;
     this.is_fine = false;
+    this.tell(undefined);
     this.connection.send(wish);
   }
 

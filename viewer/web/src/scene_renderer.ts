@@ -24,7 +24,9 @@ export interface SceneCap {
   corner: Vec3; // world
   across: Vec3;
   along: Vec3;
-  values: ImageBitmap | undefined; // grey, and opaque inside the surface
+  values: ImageBitmap | undefined; // grey, as shares of the range of values; opaque where there are any
+  least: number; // such a share, which the inside of the surface has at least
+  window: readonly [number, number]; // that are shown black and white
 }
 
 export interface SceneFrame {
@@ -121,6 +123,8 @@ export class SceneRenderer {
     cap_of: { value: 0 },
     values: { value: null as three.Texture | null },
     has_values: { value: false },
+    least: { value: 0 },
+    window: { value: new three.Vector2() },
   };
   private readonly cap: three.RawShaderMaterial;
   private readonly cap_scene: three.Scene;
@@ -324,6 +328,8 @@ export class SceneRenderer {
     cap_place.across.value.set(...times(to_eye, cap.across));
     cap_place.along.value.set(...times(to_eye, cap.along));
     cap_place.cap_of.value = cap.plane;
+    cap_place.least.value = cap.least;
+    cap_place.window.value.set(...cap.window);
     cap_place.has_values.value = values !== undefined;
     cap_place.values.value = values ? this.textureOf(values) : null;
     this.cap.stencilFunc = values ? three.AlwaysStencilFunc : three.NotEqualStencilFunc;
