@@ -25,7 +25,7 @@ class Server:
         url = self.process.stdout.readline().strip()
         assert "#token=" in url, self.process.communicate()[1]
         self.address, self.key = url.split("/#token=")
-        self.host = self.address.split("//")[1]
+        self.host = self.address.split("/")[2]
 
     def __enter__(self) -> Server:
         return self
@@ -41,7 +41,7 @@ class Server:
         return self.process.returncode, said
 
     def stream(self, volume: int = 0, **options: Any) -> ClientConnection:
-        """A connection to the stream of a volume."""
+        """A connection to the stream of a volume, to be used by `with`."""
         protocols = options.pop("subprotocols", ["isobrick.1", "token." + self.key])
         return connect(
             f"ws://{self.host}/api/volume/{volume}/stream",

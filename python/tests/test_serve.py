@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import http.client
 import json
 import os
@@ -30,7 +31,7 @@ def run(*words: object) -> None:
 
 def write_volume(path: Path) -> None:
     """A closed surface at 0.5 with much of it, in a place and with a spacing of its own."""
-    n = 72
+    n = 48
     z, y, x = np.mgrid[0:n, 0:n, 0:n].astype(np.float64) * (2 * np.pi / 24)
     gyroid = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
     values = np.zeros((n, n, n), "<f4")
@@ -135,7 +136,7 @@ def test_chunks_make_the_closed_surface_of_extract(
 def test_surfaces_of_several_levels_are_closed_too(server: Server) -> None:
     with server.stream() as line:
         client = Client(line).begin()
-        wish = client.wish(iso=0.5, focus=[20, 30, 40], radius=6)
+        wish = client.wish(iso=0.5, focus=[10, 20, 30], radius=4)
         fine = client.until("fine", wish)
         assert "limited" not in fine
         assert len({client.kept[number].level for number in client.shown}) > 1
@@ -146,7 +147,7 @@ def test_a_newer_wish_takes_the_place_of_the_older(server: Server) -> None:
     with server.stream() as line:
         client = Client(line).begin()
         for i in range(100):
-            client.wish(iso=0.5 + 0.001 * i, focus=[36, 36, 36], radius=200)
+            client.wish(iso=0.5 + 0.001 * i, focus=[24, 24, 24], radius=200)
         client.until("fine", client.wish_number)
         assert open_edges(client.mesh()[2]) == 0
         assert set(client.kept) == client.shown, "all others were dropped"
@@ -240,12 +241,14 @@ def test_keys_hosts_and_origins(server: Server) -> None:
     assert ask(server, "/api/volumes", method="POST")[0] == 405
     for protocols in (["isobrick.1"], ["token." + server.key], ["isobrick.1", "token." + "0" * 32]):
         with pytest.raises(InvalidStatus) as refused:
-            server.stream(subprotocols=protocols)
+            with server.stream(subprotocols=protocols):
+                pass
         assert refused.value.response.status_code == 401
-    with pytest.raises(InvalidStatus) as refused:
-        server.stream(origin="http://evil.example")
+    with pytest.raises(InvalidStatus) as refused, server.stream(origin="http://evil.example"):
+        pass
     assert refused.value.response.status_code == 403
-    server.stream(origin=server.address).close()
+    with server.stream(origin=server.address) as line:
+        Client(line).begin()
 
 
 def test_an_origin_that_is_let_in(folder: Path) -> None:
@@ -261,7 +264,7 @@ def test_an_origin_that_is_let_in(folder: Path) -> None:
 
 def test_requests(server: Server, folder: Path, tmp_path: Path) -> None:
     facts = opened(server)
-    assert facts["dimensions"] == [72, 72, 72] and facts["name"] == "field.isb"
+    assert facts["dimensions"] == [48, 48, 48] and facts["name"] == "field.isb"
     listed = json.loads(ask(server, "/api/volumes")[2])
     assert listed["protocol"] == 1 and listed["volumes"][0]["state"] == "open"
     status, headers, mesh = ask(server, "/api/volume/0/surface.ply?iso=0.5&focus=9,9,9&radius=5")
@@ -274,7 +277,7 @@ def test_requests(server: Server, folder: Path, tmp_path: Path) -> None:
     assert ask(server, "/api/volume/0/surface.glb?iso=0.5&meshopt=1")[2].startswith(b"glTF")
     assert len(ask(server, "/api/volume/0/surface.stl?iso=0.5&level=2&simplify=0.1")[2]) > 84
     for words in ("", "?axis=x&position=3&size=64&window=0,1&iso=0.5", "?least=0.5",
-                  "?corner=0,0,0&across=99,0,0&along=0,50,50"):
+                  "?corner=0,0,0&across=99,0,0&along=0,40,40"):
         status, headers, picture = ask(server, "/api/volume/0/slice.png" + words)
         assert status == 200 and picture.startswith(b"\x89PNG")
     for bad in ("surface.ply", "surface.ply?iso=x", "surface.ply?iso=1&focus=1,2", "slice.png?axis=w",
@@ -299,7 +302,7 @@ def test_a_folder_and_a_volume(folder: Path, tmp_path: Path) -> None:
         names = [row["name"] for row in json.loads(ask(server, "/api/volumes")[2])["volumes"]]
         assert names == ["a.isb", "scan.nrrd"]
         assert ask(server, "/api/volume/1/slice.png")[0] == 409
-        assert opened(server, 1)["dimensions"] == [72, 72, 72]
+        assert opened(server, 1)["dimensions"] == [48, 48, 48]
         assert list((tmp_path / "cache").glob("*.isb"))
         with server.stream(1) as line:
             client = Client(line).begin()
@@ -327,27 +330,26 @@ def test_two_hundred_clients_and_one_that_reads_nothing(folder: Path) -> None:
                 "--memory", "64M") as server:
         opened(server)
         before = descriptors(server)
-        lazy = server.stream(max_queue=1)
-        Client(lazy).begin()
-        Client(lazy).wish(iso=0.5)
+        lines = contextlib.ExitStack()
+        lazy = Client(lines.enter_context(server.stream(max_queue=1))).begin()
+        lazy.wish(iso=0.5)
 
         def explore(number: int) -> int:
             with server.stream(open_timeout=60) as line:
                 client = Client(line).begin()
                 client.until("fine", client.wish(iso=0.5 + 0.001 * (number % 50),
-                                                 focus=[number % 72, 36, 36], radius=8), 300)
+                                                 focus=[number % 48, 24, 24], radius=8), 300)
                 return open_edges(client.mesh()[2]) if number % 40 == 0 else 0
 
         with concurrent.futures.ThreadPoolExecutor(199) as pool:
             assert set(pool.map(explore, range(199))) == {0}
         assert resident_bytes(server) < (64 << 20) + 200 * (32 << 20)
-        lines = [server.stream() for _ in range(199)]
-        with pytest.raises(InvalidStatus) as refused:
-            server.stream()
+        for _ in range(199):
+            lines.enter_context(server.stream())
+        with pytest.raises(InvalidStatus) as refused, server.stream():
+            pass
         assert refused.value.response.status_code == 429
-        for line in lines:
-            line.close()
-        lazy.close()
+        lines.close()
         for _ in range(200):
             if descriptors(server) <= before:
                 break
@@ -367,11 +369,10 @@ def test_connections_that_say_nothing_are_ended(server: Server) -> None:
 
 def test_it_ends_with_clients_at_work(folder: Path) -> None:
     server = Server(EXECUTABLE, "serve", folder / "field.isb")
-    line = server.stream()
-    client = Client(line).begin()
-    client.wish(iso=0.5)
-    status, said = server.end()
-    assert status == 0 and "1 clients" in said
-    with pytest.raises(ConnectionClosed):
-        while True:
-            line.recv(10)
+    with server.stream() as line:
+        Client(line).begin().wish(iso=0.5)
+        status, said = server.end()
+        assert status == 0 and "1 clients" in said
+        with pytest.raises(ConnectionClosed):
+            while True:
+                line.recv(10)

@@ -1,6 +1,7 @@
 #include <netinet/tcp.h>
 
 #include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
@@ -65,6 +66,9 @@ class Server {
     acceptor_.listen();
     const std::string port = ":" + std::to_string(acceptor_.local_endpoint().port());
     if (endpoint.address().is_loopback()) state_.access.addHost("localhost" + port);
+    own_host_ = endpoint.address().is_unspecified() ? asio::ip::host_name() + port
+                                                    : hostText(acceptor_.local_endpoint());
+    state_.access.addHost(own_host_);
   } catch (const boost::system::system_error& failure) {
     throw Error("cannot listen on " + state_.options.address + " port " +
                 std::to_string(state_.options.port) + ": " + failure.code().message() +
@@ -74,9 +78,8 @@ class Server {
   std::string url() const {
     const auto& origins = state_.options.origins;
     const bool is_loopback = acceptor_.local_endpoint().address().is_loopback();
-    const std::string begin = origins.empty() || is_loopback
-                                  ? "http://" + hostText(acceptor_.local_endpoint())
-                                  : *origins.begin();
+    const std::string begin =
+        origins.empty() || is_loopback ? "http://" + own_host_ : *origins.begin();
     return begin + state_.options.base_path + "/#token=" + state_.access.key();
   }
 
@@ -120,6 +123,7 @@ class Server {
 
   ServerState state_;
   tcp::acceptor acceptor_;
+  std::string own_host_;
   asio::steady_timer tick_, pause_;
 };
 

@@ -58,16 +58,26 @@ bool ClientChunks::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_
 
 void ClientChunks::release(ChunkId chunk) noexcept {
   const auto kept = kept_.find(chunk);
-  triangles_ -= kept->second.triangles;
-  bytes_ -= kept->second.bytes;
-  if (!kept->second.was_shown) dropped_.push_back(chunk);
+  if (!kept->second.was_shown) {
+    takeAway(kept->second);
+    dropped_.push_back(chunk);
+  }
   kept_.erase(kept);
+}
+
+void ClientChunks::takeAway(const Kept& kept) noexcept {
+  triangles_ -= kept.triangles;
+  bytes_ -= kept.bytes;
 }
 
 ClientChunks::Change ClientChunks::show(std::vector<ChunkId> shown) {
   std::sort(shown.begin(), shown.end());
   Change change{idsWithout(shown, shown_), idsWithout(shown_, shown)};
-  for (const ChunkId id : change.show) kept_.at(id).was_shown = true;
+  for (const ChunkId id : change.show) {
+    Kept& kept = kept_.at(id);
+    kept.was_shown = true;
+    takeAway(kept);
+  }
   shown_ = std::move(shown);
   return change;
 }

@@ -34,7 +34,7 @@ class ClientChunks : public ChunkStore {
  public:
   explicit ClientChunks(ClientLine& line) : line_(line) {}
 
-  // What the client can keep: NoGraphicsMemory of reserve() beyond it.
+  // Of chunks that are not shown yet: NoGraphicsMemory of reserve() beyond it.
   void bound(std::optional<std::uint64_t> most_triangles, std::optional<std::uint64_t> most_bytes) {
     most_triangles_ = most_triangles;
     most_bytes_ = most_bytes;
@@ -60,11 +60,13 @@ class ClientChunks : public ChunkStore {
     std::uint64_t triangles = 0, bytes = 0;
     bool was_shown = false;
   };
+  void takeAway(const Kept& kept) noexcept;
+
   ClientLine& line_;
   std::optional<std::uint64_t> most_triangles_, most_bytes_;
   ChunkId last_ = 0;
   std::map<ChunkId, Kept> kept_;
-  std::uint64_t triangles_ = 0, bytes_ = 0;
+  std::uint64_t triangles_ = 0, bytes_ = 0;  // of those that are not shown yet
   std::vector<ChunkId> shown_, dropped_;
 };
 

@@ -82,7 +82,7 @@ void expectBounded(const ClientWish& wish, const ViewVolume& volume) {
     for (int axis = 0; axis < 3; ++axis) ASSERT_LE(std::abs(view->eye[axis]), 1e12);
     ASSERT_TRUE(view->pixels > 0.0 && view->pixels_per_radian > 0.0);
   }
-  if (surfaces.detail.curvature_tolerance) ASSERT_GE(*surfaces.detail.curvature_tolerance, 0.0);
+  ASSERT_GE(surfaces.detail.curvature_tolerance.value_or(0.0), 0.0);
 }
 
 // Bytes changed, left out, doubled and put together from good messages.

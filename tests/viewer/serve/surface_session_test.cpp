@@ -39,7 +39,8 @@ struct JoinedMesh {
     const auto* const data = reinterpret_cast<const unsigned char*>(packet.data()) + 48;
     std::vector<std::array<std::uint16_t, 4>> places(vertices);
     ASSERT_EQ(meshopt_decodeVertexBuffer(places.data(), vertices, 8, data, word(packet, 32)), 0);
-    const std::size_t behind = (word(packet, 32) + 3u & ~3u) + (word(packet, 36) + 3u & ~3u);
+    const auto padded = [&](std::size_t at) { return (word(packet, at) + 3u) & ~3u; };
+    const std::size_t behind = padded(32) + padded(36);
     std::vector<std::uint32_t> indices(corners);
     ASSERT_EQ(
         meshopt_decodeIndexBuffer(indices.data(), corners, 4, data + behind, word(packet, 40)), 0);
