@@ -60,6 +60,7 @@ Command addExtractCommand(CLI::App& app);
 Command addMergeCommand(CLI::App& app);
 Command addRenderCommand(CLI::App& app);
 Command addViewCommand(CLI::App& app);
+Command addServeCommand(CLI::App& app);
 Command addPhantomCommand(CLI::App& app);
 Command addBenchCommand(CLI::App& app);
 Command addCacheCommand(CLI::App& app);

@@ -28,6 +28,7 @@ Examples:
   isobrick render head.isb --iso 500 -o skin.png
   isobrick view head.isb                             in a window: H lists the keys
   isobrick head.nrrd                                 the same of a volume, or a folder of DICOM
+  isobrick serve head.isb                            the same in a browser
   isobrick cache                                     pyramids that were built of volumes
 
 'isobrick SUBCOMMAND --help' lists the options of a subcommand.
@@ -58,6 +59,9 @@ std::vector<Command> addCommands(CLI::App& app) {
   commands.push_back(addMergeCommand(app));
 #if ISOBRICK_WITH_VIEWER
   commands.push_back(addRenderCommand(app));
+#endif
+#if ISOBRICK_WITH_SERVER
+  commands.push_back(addServeCommand(app));
 #endif
   commands.push_back(addPhantomCommand(app));
   commands.push_back(addCacheCommand(app));

@@ -80,6 +80,7 @@ for step; do
       ;;
     python)
       tools/install_packages.sh build test release
+      timed $step page tools/web_page.sh
       timed $step build buildPython
       timed $step tests testPython
       ;;

@@ -53,6 +53,13 @@ class ChunkPacker {
     add(view, count, stride,
         meshopt_encodeVertexBuffer(buffer_.data(), buffer_.size(), data, count, stride));
   }
+  void addNormals(const std::vector<glm::vec3>& normals, std::size_t count) {
+    std::vector<glm::vec4> units(count);
+    for (std::size_t v = 0; v < count; ++v) units[v] = glm::vec4(normals[v], 0.0f);
+    std::vector<std::int16_t> shorts(4 * count);
+    meshopt_encodeFilterOct(shorts.data(), count, 8, kNormalBits, &units[0].x);
+    addVertices(PackedChunk::kNormals, shorts.data(), count, 8);
+  }
   void addTriangles(const std::vector<std::uint32_t>& corners, std::size_t vertices) {
     buffer_.resize(meshopt_encodeIndexBufferBound(corners.size(), vertices));
     add(PackedChunk::kTriangles, corners.size(), sizeof(std::uint32_t),
@@ -70,6 +77,30 @@ class ChunkPacker {
 
   std::vector<unsigned char> buffer_;
   PackedChunk packed_;
+};
+
+// Triangles that share corners come together, vertices in the order in which triangles use them.
+class Arrangement {
+ public:
+  Arrangement(std::span<const std::uint32_t> triangles, std::size_t vertices)
+      : corners_(triangles.size()), places_(vertices) {
+    meshopt_optimizeVertexCacheFifo(corners_.data(), triangles.data(), triangles.size(), vertices,
+                                    kCacheSize);
+    count_ = meshopt_optimizeVertexFetchRemap(places_.data(), corners_.data(), corners_.size(),
+                                              vertices);
+    meshopt_remapIndexBuffer(corners_.data(), corners_.data(), corners_.size(), places_.data());
+  }
+  template <typename T>
+  void rearrange(std::vector<T>& attribute) const {
+    meshopt_remapVertexBuffer(attribute.data(), attribute.data(), attribute.size(), sizeof(T),
+                              places_.data());
+  }
+  const std::vector<std::uint32_t>& corners() const { return corners_; }
+  std::size_t vertices() const { return count_; }  // that triangles use
+
+ private:
+  std::vector<std::uint32_t> corners_, places_;
+  std::size_t count_ = 0;
 };
 
 }  // namespace
@@ -104,21 +135,11 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   std::vector<float> values = allOf(pieces, &MeshoptPiece::values);
   const std::vector<std::uint32_t> triangles = allTriangles(pieces);
 
-  // Triangles that share corners come together, vertices in the order in which triangles use them.
-  std::vector<std::uint32_t> corners(triangles.size());
-  meshopt_optimizeVertexCacheFifo(corners.data(), triangles.data(), triangles.size(),
-                                  positions.size(), kCacheSize);
-  std::vector<std::uint32_t> places(positions.size());
-  const std::size_t count = meshopt_optimizeVertexFetchRemap(places.data(), corners.data(),
-                                                             corners.size(), positions.size());
-  meshopt_remapIndexBuffer(corners.data(), corners.data(), corners.size(), places.data());
-  const auto rearrange = [&](auto& attribute) {
-    meshopt_remapVertexBuffer(attribute.data(), attribute.data(), attribute.size(),
-                              sizeof attribute[0], places.data());
-  };
-  rearrange(positions);
-  rearrange(normals);
-  if (!values.empty()) rearrange(values);
+  const Arrangement arrangement(triangles, positions.size());
+  const std::size_t count = arrangement.vertices();
+  arrangement.rearrange(positions);
+  arrangement.rearrange(normals);
+  if (!values.empty()) arrangement.rearrange(values);
 
   ChunkPacker packer;
   glm::i32vec3 least = positions[0], greatest = positions[0];
@@ -134,19 +155,28 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   }
   packer.addVertices(PackedChunk::kPositions, numbers.data(), count, 12);
 
-  std::vector<glm::vec4> units(count);
-  for (std::size_t v = 0; v < count; ++v) units[v] = glm::vec4(normals[v], 0.0f);
-  std::vector<std::int16_t> shorts(4 * count);
-  meshopt_encodeFilterOct(shorts.data(), count, 8, kNormalBits, &units[0].x);
-  packer.addVertices(PackedChunk::kNormals, shorts.data(), count, 8);
-
+  packer.addNormals(normals, count);
   if (!values.empty()) packer.addVertices(PackedChunk::kValues, values.data(), count, 4);
-  packer.addTriangles(corners, count);
+  packer.addTriangles(arrangement.corners(), count);
   PackedChunk packed = packer.take();
   // Exact: a float has 24 bits.
   packed.least = glm::vec3(glm::dvec3(least) * lattice.step());
   packed.greatest = glm::vec3(glm::dvec3(greatest) * lattice.step());
   return packed;
+}
+
+PackedChunk packShortChunk(std::vector<ShortPosition> positions, std::vector<glm::vec3> normals,
+                           std::span<const std::uint32_t> triangles) {
+  chooseIndexVersion();
+  const Arrangement arrangement(triangles, positions.size());
+  arrangement.rearrange(positions);
+  arrangement.rearrange(normals);
+  ChunkPacker packer;
+  packer.addVertices(PackedChunk::kPositions, positions.data(), arrangement.vertices(),
+                     sizeof(ShortPosition));
+  packer.addNormals(normals, arrangement.vertices());
+  packer.addTriangles(arrangement.corners(), arrangement.vertices());
+  return packer.take();
 }
 
 }  // namespace isobrick

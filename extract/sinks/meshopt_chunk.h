@@ -1,11 +1,12 @@
-// Some ten thousand triangles packed for EXT_meshopt_compression of glTF. Private to
-// extract/sinks/.
+// Some ten thousand triangles packed for EXT_meshopt_compression of glTF, in files or on their way
+// to a browser.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <span>
 #include <vector>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
@@ -52,5 +53,13 @@ struct PackedChunk {
 // filter OCTAHEDRAL, values as they are, triangles in an order that packs well, each beginning with
 // any of its corners. All pieces have values, or none has; there is at least one triangle.
 PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLattice& lattice);
+
+// Positions of 16 bits, from 0 on.
+using ShortPosition = std::array<std::uint16_t, 4>;  // x, y, z and 0
+
+// The same of one piece whose positions are 16 bits an axis, packed without a filter; no values,
+// and no bounds. `normals`: one a position.
+PackedChunk packShortChunk(std::vector<ShortPosition> positions, std::vector<glm::vec3> normals,
+                           std::span<const std::uint32_t> triangles);
 
 }  // namespace isobrick

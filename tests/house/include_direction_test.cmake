@@ -61,6 +61,8 @@ forbid(viewer/render "${pictures}" "gl_|_shaders|_pass|chunk_draws")
 forbid(viewer "Imf|OpenEXR" "^exr_writer")
 forbid(viewer "epoxy/|GL/" "egl_|_shaders|gl_")
 forbid(viewer "GLFW/|imgui" "^window/")
+forbid(viewer "boost/" "^serve/http_")
+forbid(viewer/serve "isobrick/viewer/(egl|gl_|offscreen|view_picture|notes|window)|isobrick/viewer/render/gl_|epoxy/|GL/" "")
 forbid(tools "draco/" "^neuroglancer/draco_")
 forbid(tools "tests/|openvdb/|vtk|itk|epoxy/|GL/|GLFW/|Imf|OpenEXR" "")
 # Loops of TBB are isolated (storage/isolated_loop.h).

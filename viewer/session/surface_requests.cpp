@@ -75,14 +75,16 @@ std::size_t ShownSurfaces::lostPieces() const {
 
 SurfaceRequests::SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram,
                                  ChunkStore& store, ChunkBudget budget, int threads,
-                                 std::shared_ptr<KnownComponents> known)
+                                 std::shared_ptr<KnownComponents> known,
+                                 std::function<void()> on_news, ChunkDelivery delivery)
     : volume_(volume),
       histogram_(histogram),
       budget_(std::move(budget)),
       known_(std::move(known)),
       surfaces_(std::in_place, store, budget_),
-      stream_(volume.pyramid(), threads, {}, SurfaceStream::kPatienceSeconds, known_,
-              std::min(SurfaceStream::kQueueBytes, budget_.most() / 4)) {}
+      stream_(volume.pyramid(), threads, std::move(on_news), SurfaceStream::kPatienceSeconds,
+              known_, std::min(SurfaceStream::kQueueBytes, budget_.most() / 4),
+              std::move(delivery)) {}
 
 void SurfaceRequests::suspend() {
   surfaces_.reset();

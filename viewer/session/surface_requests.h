@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -62,8 +63,10 @@ class SurfaceRequests {
  public:
   // `volume` and `histogram`, which predicts triangles, outlive it. `budget`: of chunks in the
   // store; `threads`: of the extraction; `known`: the lists of components that it uses and adds to.
+  // `on_news` and `delivery` are those of the stream.
   SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram, ChunkStore& store,
-                  ChunkBudget budget, int threads, std::shared_ptr<KnownComponents> known);
+                  ChunkBudget budget, int threads, std::shared_ptr<KnownComponents> known,
+                  std::function<void()> on_news = {}, ChunkDelivery delivery = {});
 
   // For each frame, in this order: takes what has come, within `allowance`, and asks for the
   // surfaces of the view.
@@ -89,6 +92,8 @@ class SurfaceRequests {
   // The surfaces of the view are shown, as fine as they get.
   bool isFine(const SurfaceWish& wish) const;
   bool isFollowingUser() const { return !asked_for_all_; }
+  // As SurfaceStream::request() numbers it; 0: there was none.
+  std::uint64_t latestRequest() const { return last_request_; }
   // Those of the latest request, and all of their bricks were there.
   bool showsTheLatest() const;
   bool isOverBudget() const { return over_budget_; }

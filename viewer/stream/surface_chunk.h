@@ -3,6 +3,7 @@
 
 #include <array>
 #include <compare>
+#include <cstddef>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
@@ -62,10 +63,13 @@ struct SurfaceChunk {
   int surface = 0;              // which of the scene's surfaces
   std::uint64_t cells = 0;      // leaves that it is made of
   std::optional<ChunkKey> key;  // of a brick that only leaves of its level touch
+  // In place of vertices and triangles, if the stream packs them (ChunkDelivery).
+  std::vector<std::byte> packed = {};
 
-  // Of vertices and triangles.
+  // Of vertices and triangles, and as packed.
   std::uint64_t bytes() const {
-    return vertices.size() * sizeof(SurfaceVertex) + triangles.size() * sizeof(std::uint32_t);
+    return vertices.size() * sizeof(SurfaceVertex) + triangles.size() * sizeof(std::uint32_t) +
+           packed.size();
   }
 };
 

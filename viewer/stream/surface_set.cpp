@@ -55,6 +55,7 @@ void SurfaceSet::take(StreamMessage message, News& news) {
       dropIncoming();
       break;
     case StreamMessage::Kind::kDropped:
+      if (message.no_room) return refuse(message.request, news);
       dropIncoming();
       if (message.too_many) news.passes.push_back(std::move(message));
       break;

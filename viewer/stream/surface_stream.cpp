@@ -14,6 +14,13 @@
 
 namespace isobrick {
 
+namespace {
+
+// The queue has no room for a chunk, and nothing may wait for some.
+struct QueueIsFull {};
+
+}  // namespace
+
 StreamPass passOf(const Query& query) {
   StreamPass pass;
   if (query.focus) pass.radius = query.focus->radius;
@@ -29,13 +36,15 @@ StreamRequest requestOf(const Query& query) {
 
 SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
                              std::function<void()> on_news, double patience_seconds,
-                             std::shared_ptr<KnownComponents> known, std::uint64_t queue_bytes)
+                             std::shared_ptr<KnownComponents> known, std::uint64_t queue_bytes,
+                             ChunkDelivery delivery)
     : pyramid_(std::move(pyramid)),
       threads_(std::max(1, threads)),
       on_news_(std::move(on_news)),
       least_patience_(patience_seconds),
       known_(known ? std::move(known) : std::make_shared<KnownComponents>()),
       most_queue_bytes_(queue_bytes),
+      delivery_(std::move(delivery)),
       extractor_(*pyramid_),
       patience_(patience_seconds),
       thread_([this] { run(); }) {}
@@ -175,6 +184,7 @@ std::optional<StreamMessage> SurfaceStream::takeLost() {
 void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
   std::unique_lock lock(mutex_);
   if (queue_bytes_ >= most_queue_bytes_) {
+    if (!delivery_.may_wait) throw QueueIsFull{};
     const double begin = clockSeconds();
     room_.wait(lock, [&] { return queue_bytes_ < most_queue_bytes_ || cancel.requested(); });
     waited_ += clockSeconds() - begin;
@@ -212,6 +222,7 @@ void SurfaceStream::run() {
 void SurfaceStream::runJob(const Job& job) {
   const std::vector<StreamPass>& passes = job.request.passes;
   for (std::size_t pass = 0; pass < passes.size(); ++pass) {
+    if (pass > 0 && !delivery_.may_wait) awaitEmptyQueue(*job.cancel);
     const Outcome outcome = pass == 0 ? runFirstPass(job) : run(job, {pass, &passes[pass]});
     if (outcome != Outcome::kComplete) return;
   }
@@ -232,6 +243,13 @@ SurfaceStream::Outcome SurfaceStream::runFirstPass(const Job& job) {
     else
       return outcome;
   }
+}
+
+// A taker that is slow has no use for the next pass yet.
+void SurfaceStream::awaitEmptyQueue(const CancelFlag& cancel) {
+  std::unique_lock lock(mutex_);
+  user_waits_ = false;
+  room_.wait(lock, [&] { return queue_.empty() || waiting_ || cancel.requested(); });
 }
 
 // False if the attempt is not to be made.
@@ -265,6 +283,8 @@ SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt
     end.triangles_made = too_many.triangles;
     const std::lock_guard lock(mutex_);
     noteTime(end);
+  } catch (const QueueIsFull&) {
+    end.no_room = true;
   } catch (const std::exception& failure) {
     end.kind = StreamMessage::Kind::kFailed;
     end.error = failureWords(failure);
@@ -305,6 +325,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
     message.pass = attempt.pass;
     message.at_rest = !attempt.at_once;
     message.chunk = std::move(chunk);
+    if (delivery_.pack) delivery_.pack(message.chunk);
     pushChunk(std::move(message), *cancel);
   };
   const ChunkValues* const values = valuesFor(job.request.values);

@@ -104,6 +104,18 @@ StreamPass passOf(const Query& query);
 // The request for one surface, at once: from the bricks in memory, and whole when it is there.
 StreamRequest requestOf(const Query& query);
 
+// How chunks go into the queue of a stream.
+struct ChunkDelivery {
+  // Called for each chunk on threads of the extraction, for several at the same time; it may empty
+  // vertices and triangles, and fill SurfaceChunk::packed. An exception ends the request. Lives as
+  // long as the stream.
+  std::function<void(SurfaceChunk&)> pack = {};
+  // While the queue is full: true: threads of the extraction wait; false: they never do, and the
+  // pass is given up (StreamMessage::no_room). Then the next pass begins when the queue is empty,
+  // for which the stream's own thread waits.
+  bool may_wait = true;
+};
+
 // A chunk, or the end of a pass. Messages own what they hold.
 struct StreamMessage {
   // The kinds of messages.
@@ -119,6 +131,7 @@ struct StreamMessage {
   bool at_rest = false;       // a user who moves on does not wait for the pass
   SurfaceChunk chunk;         // of kChunk
   bool too_many = false;      // of kDropped: it has more triangles than it may
+  bool no_room = false;       // of kDropped: the queue was full (ChunkDelivery::may_wait)
   // For kPassDone; with `too_many` radius, seconds and triangles_made until then:
   bool last_pass = false;   // nothing finer follows
   bool is_complete = true;  // false: coarser than requested, as bricks were not resident
@@ -168,7 +181,7 @@ class SurfaceStream {
   SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
                 std::function<void()> on_news = {}, double patience_seconds = kPatienceSeconds,
                 std::shared_ptr<KnownComponents> known = {},
-                std::uint64_t queue_bytes = kQueueBytes);
+                std::uint64_t queue_bytes = kQueueBytes, ChunkDelivery delivery = {});
   // Cancels the work under way, and waits for its end.
   ~SurfaceStream();
   SurfaceStream(const SurfaceStream&) = delete;
@@ -201,6 +214,7 @@ class SurfaceStream {
   void runJob(const Job& job);
   Outcome runFirstPass(const Job& job);
   bool begin(const Attempt& attempt);
+  void awaitEmptyQueue(const CancelFlag& cancel);
   Outcome run(const Job& job, const Attempt& attempt);
   const ChunkValues* valuesFor(const StreamValues& wanted);
   Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);
@@ -227,6 +241,7 @@ class SurfaceStream {
   const double least_patience_;
   const std::shared_ptr<KnownComponents> known_;
   const std::uint64_t most_queue_bytes_;
+  const ChunkDelivery delivery_;
   // For the thread alone:
   Extractor extractor_;  // keeps its memory from pass to pass
   StreamValues values_wanted_;

@@ -85,6 +85,37 @@ TEST_F(SurfaceStreamTest, AHandThatNeverRestsSeesSurfacesOnASlowMachineToo) {
   EXPECT_GE(done, 3);
 }
 
+// Chunks are packed on their way, and a taker that takes none keeps no thread waiting.
+TEST_F(SurfaceStreamTest, APassThatHasNoRoomIsGivenUpIfNothingMayWait) {
+  ChunkDelivery delivery;
+  delivery.may_wait = false;
+  delivery.pack = [](SurfaceChunk& chunk) {
+    chunk.packed.resize(10'000);
+    chunk.vertices.clear();
+    chunk.triangles.clear();
+  };
+  SurfaceStream stream(pyramid_, 2, {}, SurfaceStream::kPatienceSeconds, nullptr, 30'000, delivery);
+  stream.request({{pass(40.0)}, false});
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  bool has_end = false;
+  while (!has_end)
+    if (const auto message = stream.poll()) {
+      has_end = true;  // its chunks went with it
+      EXPECT_EQ(message->kind, MessageMessageKind::kDropped);
+      EXPECT_TRUE(message->no_room);
+    }
+  EXPECT_FALSE(stream.busy());
+  // What is taken in time is whole.
+  stream.request({{pass(1.0)}, false});
+  bool is_done = false;
+  while (!is_done)
+    if (const auto message = stream.poll()) {
+      if (message->kind == MessageMessageKind::kChunk) EXPECT_EQ(message->chunk.bytes(), 10'000u);
+      if (message->kind == MessageMessageKind::kDropped) stream.request({{pass(1.0)}, false});
+      is_done = message->kind == MessageMessageKind::kPassDone;
+    }
+}
+
 TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {
   SurfaceStream stream(pyramid_, 2);
   NullRenderer renderer;

@@ -1,0 +1,296 @@
+"""The page of `isobrick serve` in a headless browser, as a user has it (viewer/web)."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from stream_client import Server
+
+from isobrick._command import EXECUTABLE
+
+WAIT = 60_000  # milliseconds; the processor draws, and other tests run beside
+PHONE = {"viewport": {"width": 360, "height": 640}, "has_touch": True, "is_mobile": True}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    chromium = shutil.which("chromium")
+    assert chromium, "tools/packages/release.txt has chromium"
+    # Root needs the first; the others let the processor draw.
+    words = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=chromium, args=words)
+
+
+@pytest.fixture(scope="module")
+def small_head(tmp_path_factory: pytest.TempPathFactory, command: Callable[..., str]) -> Path:
+    path = tmp_path_factory.mktemp("page") / "head.isb"
+    command("build", "phantom:head:64", "-o", path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def server(small_head: Path) -> Iterator[Server]:
+    with Server(EXECUTABLE, "serve", small_head, "--threads", 2) as running:
+        yield running
+
+
+@pytest.fixture
+def open_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]:
+    """Opens pages, which may log no error and throw none."""
+    contexts = []
+    complaints: list[str] = []
+
+    def open_one(fragment: str = "", **options: Any) -> Page:
+        settings: dict[str, Any] = {"viewport": {"width": 700, "height": 400}, "color_scheme": "dark"}
+        context = browser.new_context(**(settings | options))
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(WAIT)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+        page.goto(f"{server.address}/#token={server.key}{fragment}")
+        settle(page)
+        return page
+
+    yield open_one
+    for context in contexts:
+        context.close()
+    lost = re.compile("ERR_CONNECTION_REFUSED|WebSocket connection")
+    assert [line for line in complaints if not lost.search(line)] == []
+
+
+def settle(page: Page, triangles: str = "") -> None:
+    """Waits until the page shows the finest surface."""
+    expect(page.locator("#status")).to_have_text(re.compile(triangles + ".*· fine$"), timeout=WAIT)
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def view_of(page: Page) -> dict[str, Any]:
+    """The view that the page saves, which a link has too."""
+    with page.expect_download() as download:
+        page.locator("#save-view").click()
+    return dict(json.loads(Path(download.value.path()).read_text()))
+
+
+def picture_of(page: Page) -> NDArray[np.uint8]:
+    """The scene as the page saves it, without what is written over it."""
+    from matplotlib.image import imread
+
+    page.evaluate("() => document.querySelector('#overlay').getContext('2d').reset()")
+    with page.expect_download() as download:
+        page.locator("#save-png").click()
+    pixels = imread(download.value.path(), format="png")
+    return np.rint(255 * pixels[..., :3]).astype(np.uint8)
+
+
+def drag(page: Page, on: Locator, begin: tuple[float, float], end: tuple[float, float]) -> None:
+    """From a place to another; both are shares of the element."""
+    box = on.bounding_box()
+    assert box
+    x, y, width, height = box["x"], box["y"], box["width"], box["height"]
+    page.mouse.move(x + begin[0] * width, y + begin[1] * height)
+    page.mouse.down()
+    page.mouse.move(x + end[0] * width, y + end[1] * height, steps=6)
+    page.mouse.up()
+
+
+def test_a_drag_over_the_histogram_shows_the_surface_of_its_isovalue(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    before = page.locator("#status").inner_text()
+    drag(page, page.locator("#histogram"), (0.5, 0.5), (0.3, 0.5))
+    expect(page.locator("#status")).not_to_have_text(before, timeout=WAIT)
+    settle(page)
+    assert view_of(page)["surfaces"][0]["isovalue"] == float(page.locator("#isovalue").input_value())
+    page.locator("#undo").click()
+    expect(page.locator("#status")).to_have_text(before, timeout=WAIT)
+
+
+def test_the_picture_is_that_of_render(
+    open_page: Callable[..., Page], small_head: Path, tmp_path: Path
+) -> None:
+    from matplotlib.image import imread
+    from skimage.metrics import structural_similarity
+
+    page = open_page()
+    for change in ["nothing", "turned", "cut", "two", "level"]:
+        if change == "turned":
+            drag(page, page.locator("#scene"), (0.5, 0.5), (0.8, 0.3))
+        elif change == "cut":
+            page.locator("#clip-x").click()
+            with page.expect_response(lambda answer: "slice.png" in answer.url):
+                pass
+        elif change == "two":
+            page.locator("#add-surface").click()
+            page.locator("#surfaces [data-field=opacity]").first.fill("0.4")
+        elif change == "level":
+            page.locator("#by-level").check()
+        settle(page)
+        page.wait_for_timeout(500)
+        shown = picture_of(page)
+        state = view_of(page)
+        (tmp_path / "view.json").write_text(json.dumps(state))
+        height, width = shown.shape[:2]
+        words = ["render", small_head, "--state", tmp_path / "view.json", "--size", f"{width}x{height}"]
+        subprocess.run([str(EXECUTABLE), *map(str, words), "-o", str(tmp_path / "render.png"), "--force"], check=True)
+        drawn = np.rint(255 * imread(tmp_path / "render.png")[..., :3]).astype(np.uint8)
+        likeness = structural_similarity(shown, drawn, channel_axis=2)
+        assert likeness >= 0.97, change
+
+
+def test_a_double_click_focuses_and_a_link_shows_the_same(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    pivot = view_of(page)["camera"]["pivot"]
+    page.locator("#scene").dblclick(position={"x": 200, "y": 180})
+    expect(page).not_to_have_url(page.url, timeout=WAIT)
+    state = view_of(page)
+    assert state["camera"]["pivot"] != pivot
+    page.locator("#radius").fill("0.5")
+    settle(page)
+    page.wait_for_timeout(600)  # the address follows when the view rests
+    state = view_of(page)
+    assert "token" not in page.url
+    other = open_page("&" + page.url.split("#")[1])
+    assert view_of(other) == state
+    likeness = np.abs(picture_of(other).astype(int) - picture_of(page)).mean()
+    assert likeness < 0.5
+    page.reload()
+    settle(page)
+    assert view_of(page) == state
+
+
+def test_a_tab_without_the_key_asks_for_it(browser: Browser, server: Server) -> None:
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.goto(server.address + "/")
+        page.locator("#key-text").fill(f"{server.address}/#token={server.key}")
+        page.keyboard.press("Enter")
+        settle(page)
+
+
+def test_two_points_measure_what_lies_between_them(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    page.locator("#distance").click()
+    page.locator("#scene").click(position={"x": 160, "y": 200})
+    page.wait_for_timeout(500)
+    page.locator("#scene").click(position={"x": 240, "y": 200})
+    text = page.locator("#measurements output").inner_text(timeout=WAIT)
+    a, b = view_of(page)["measurements"][0]["points"]
+    assert float(text.split()[0]) == pytest.approx(np.linalg.norm(np.subtract(a, b)), rel=1e-3)
+
+
+def test_the_keyboard_alone_reaches_everything(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    first = view_of(page)
+    page.locator("#scene").focus()
+    for key in ["ArrowLeft", "ArrowUp", "+", "x", "c", "o"]:
+        page.keyboard.press(key)
+    now = view_of(page)
+    assert now["camera"]["azimuth"] != first["camera"]["azimuth"]
+    assert now["camera"]["distance"] < first["camera"]["distance"]
+    assert now["camera"]["orthographic"] and now["coloring"] == "level" and len(now["clip_planes"]) == 1
+    page.locator("#histogram").focus()
+    page.keyboard.press("ArrowRight")
+    assert view_of(page)["surfaces"][0]["isovalue"] > first["surfaces"][0]["isovalue"]
+    names = page.evaluate("""() => [...document.querySelectorAll('button, input, select, canvas[tabindex]')]
+        .filter((e) => e.checkVisibility()).map((e) =>
+          e.ariaLabel || e.getAttribute('aria-labelledby') || e.labels?.length || e.textContent.trim())""")
+    assert all(names)
+
+
+def test_a_phone_turns_with_one_finger_and_zooms_with_two(open_page: Callable[..., Page]) -> None:
+    page = open_page(**PHONE)
+    first = view_of(page)["camera"]
+    touch = page.context.new_cdp_session(page)
+
+    def move(*fingers: list[tuple[float, float]]) -> None:
+        for step, kind in enumerate(["touchStart", *["touchMove"] * (len(fingers[0]) - 1)]):
+            points = [{"x": finger[step][0], "y": finger[step][1], "id": i} for i, finger in enumerate(fingers)]
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+        touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+    move([(150, 150), (180, 150), (220, 150)])
+    turned = view_of(page)["camera"]
+    assert turned["azimuth"] != first["azimuth"]
+    move([(150, 150), (120, 150), (90, 150)], [(200, 150), (230, 150), (260, 150)])
+    assert view_of(page)["camera"]["distance"] < turned["distance"]
+
+
+class Relay:
+    """A line to a port of this machine, which can be cut."""
+
+    def __init__(self) -> None:
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        self.lines: list[socket.socket] = []
+        self.target = 0  # 0: nothing gets through
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def cut(self) -> None:
+        self.target = 0
+        for line in self.lines:
+            with contextlib.suppress(OSError):
+                line.shutdown(socket.SHUT_RDWR)
+        self.lines.clear()
+
+    def _accept(self) -> None:
+        while True:
+            here = self.listener.accept()[0]
+            if self.target == 0:
+                here.close()
+                continue
+            there = socket.create_connection(("127.0.0.1", self.target))
+            self.lines += [here, there]
+            for ends in [(here, there), (there, here)]:
+                threading.Thread(target=self._carry, args=ends, daemon=True).start()
+
+    @staticmethod
+    def _carry(source: socket.socket, sink: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(1 << 16):
+                sink.sendall(data)
+            sink.shutdown(socket.SHUT_WR)
+
+
+def test_a_lost_connection_is_said_and_comes_back(browser: Browser, small_head: Path) -> None:
+    relay = Relay()
+    address = f"http://127.0.0.1:{relay.port}"
+    with Server(EXECUTABLE, "serve", small_head, "--origin", address) as server, browser.new_context() as context:
+        relay.target = port = int(server.host.split(":")[1])
+        page = context.new_page()
+        page.goto(f"{address}/#token={server.key}")
+        settle(page)
+        relay.cut()
+        expect(page.locator("#trouble")).to_contain_text("lost", timeout=WAIT)
+        page.locator("#isovalue").fill("800")  # is asked for when the line is back
+        page.keyboard.press("Enter")
+        relay.target = port
+        expect(page.locator("#trouble")).to_be_empty(timeout=WAIT)
+        settle(page)
+
+
+def test_no_task_takes_long_while_chunks_arrive(open_page: Callable[..., Page]) -> None:
+    page = open_page()
+    page.evaluate("""() => {
+      window.longest = 0;
+      new PerformanceObserver((list) => {
+        for (const task of list.getEntries()) window.longest = Math.max(window.longest, task.duration);
+      }).observe({ entryTypes: ['longtask'] });
+    }""")
+    page.locator("#add-surface").click()
+    settle(page)
+    # No absolute time in a test on a busy machine: a frame here is slower than all of the scripts.
+    assert page.evaluate("() => window.longest") < 2000

@@ -1,0 +1,175 @@
+// isobrick serve: volumes in browsers.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "isobrick/storage/file_system.h"
+#include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_file.h"
+#include "isobrick/storage/remote_options.h"
+#include "isobrick/viewer/serve/access.h"
+#include "isobrick/viewer/serve/serve.h"
+#include "isobrick/viewer/session/folder_listing.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/line_words.h"
+#include "tools/shared_options.h"
+#include "tools/volume_input.h"
+
+namespace isobrick {
+namespace {
+
+struct ServeArguments {
+  std::vector<std::string> paths;
+  ServeOptions options;
+  std::string cache_folder;
+  std::uint64_t cache_bytes = 0;
+};
+
+// Files of these endings are volumes of their own; a folder of others, as of DICOM, is one volume.
+constexpr std::string_view kVolumeEndings[] = {".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".vti",
+                                               ".h5",   ".hdf5", ".mrc", ".map", ".vdb", ".zarr"};
+
+bool isListedVolume(const std::string& path) {
+  if (isPyramidFile(path)) return true;
+  const std::string name = lowercase(path);
+  const std::string stem = name.ends_with(".gz") ? name.substr(0, name.size() - 3) : name;
+  return std::any_of(std::begin(kVolumeEndings), std::end(kVolumeEndings),
+                     [&](std::string_view ending) { return stem.ends_with(ending); });
+}
+
+ServedVolume namedAfter(const std::string& path) {
+  const std::string shown = isRemotePath(path) ? withoutSecrets(path) : path;
+  const std::string name = std::filesystem::path(shown).filename().string();
+  return {shownName(name.empty() ? shown : name), path};
+}
+
+// The volumes of a folder, or the folder as one.
+std::vector<ServedVolume> volumesAt(const std::string& path) {
+  std::vector<ServedVolume> volumes;
+  if (!isRemotePath(path) && isFolder(path) && !isListedVolume(path)) {
+    const FolderListing listing = listFolder(path, interruptFlag());
+    for (const FolderEntry& entry : listing.entries) {
+      const std::string member = (std::filesystem::path(listing.folder) / entry.name).string();
+      if (isListedVolume(member)) volumes.push_back(namedAfter(member));
+    }
+  }
+  if (volumes.empty()) volumes.push_back(namedAfter(path));
+  return volumes;
+}
+
+VolumeBuilder builderOf(const ServeArguments& arguments) {
+  const auto one_at_a_time = std::make_shared<std::mutex>();  // see runProgram()
+  return [folder = arguments.cache_folder, threads = arguments.options.threads, one_at_a_time](
+             const std::string& volume, const BuildListener& listener, const CancelFlag& cancel) {
+    const std::lock_guard lock(*one_at_a_time);
+    const auto tell = [&](std::string_view line) {
+      double share = 0.0;
+      if (takeWord(line, "progress") && takeNumber(line, share)) listener.progress(line, share);
+    };
+    return pyramidOfVolume(volume, {folder, {"--threads", std::to_string(threads)}, tell}, cancel);
+  };
+}
+
+std::string checkedBasePath(const std::string& path) {
+  constexpr std::string_view kAllowed =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._~/";
+  if (path.empty() || path == "/") return {};
+  if (path.front() != '/' || path.back() == '/' ||
+      path.find_first_not_of(kAllowed) != std::string::npos)
+    throw std::invalid_argument("begins with / and ends without it, such as /isobrick");
+  return path;
+}
+
+void warnOfAddress(const ServeOptions& options) {
+  if (options.address.rfind("127.", 0) == 0 || options.address == "::1") return;
+  fmt::print(stderr,
+             "isobrick: warning: whoever can read the network between here and a browser can read "
+             "key and volumes; put a proxy with TLS in front (docs/SERVE.md has the lines for "
+             "nginx and Caddy), and leave --listen out\n");
+}
+
+int runServeCommand(ServeArguments& arguments) {
+  ServeOptions& options = arguments.options;
+  for (const std::string& path : arguments.paths)
+    for (ServedVolume& volume : volumesAt(path)) options.volumes.push_back(std::move(volume));
+  options.build = builderOf(arguments);
+  options.remote = remoteOptions(arguments.cache_folder, arguments.cache_bytes);
+  options.cancel = &interruptFlag();
+  options.on_ready = [](const std::string& url) {
+    if (!hasPage())
+      fmt::print(stderr,
+                 "isobrick: this build has no page: run 'npm ci && npm run build' in viewer/web, "
+                 "and build isobrick again\n");
+    fmt::print("{}\n", url);
+    std::fflush(stdout);
+  };
+  warnOfAddress(options);
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(options.threads) + 1);
+  const ServeSummary summary = runServer(options);
+  fmt::print(stderr, "isobrick: {} requests and {} clients in {:.0f} s, {} sent\n",
+             countText(summary.requests), countText(summary.clients), summary.seconds,
+             byteSizeText(summary.bytes));
+  return 0;
+}
+
+}  // namespace
+
+Command addServeCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("serve", "Explore volumes in a browser");
+  const auto arguments = std::make_shared<ServeArguments>();
+  ServeOptions& options = arguments->options;
+  options.memory_bytes = kDefaultMemoryBytes;
+  options.threads = allCores();
+  sub->add_option("FILE", arguments->paths,
+                  "Pyramids (.isb), also behind http://, https:// or s3://; volumes as 'isobrick "
+                  "build' reads them, of which pyramids are built into the cache when they are "
+                  "asked for; folders of these")
+      ->type_name("PATH")
+      ->required();
+  addCacheFolderOption(*sub, arguments->cache_folder);
+  addCacheSizeOption(*sub, arguments->cache_bytes);
+  beginGroup(*sub, "Network");
+  addParsedOption(*sub, "--port", options.port, integerWithin(0, 65535), "N",
+                  "Port to listen on; default: 0, a free one");
+  sub->add_option("--listen", options.address,
+                  "Address of this machine to listen on; default: 127.0.0.1, which no other "
+                  "machine reaches")
+      ->type_name("ADDRESS");
+  addRepeatedOption(
+      *sub, "--origin",
+      [&options](const std::string& word) {
+        try {
+          options.origins.insert(checkedOrigin(word));
+        } catch (const Error& failure) {
+          throw std::invalid_argument(failure.what());
+        }
+      },
+      "URL",
+      "Pages from there may use the server, and a proxy may have that name, such as "
+      "https://scans.example.org; may be given again");
+  addParsedOption(*sub, "--base-path", options.base_path, checkedBasePath, "/PATH",
+                  "In front of all paths, if a proxy leaves it there");
+  beginGroup(*sub, kResourceGroup);
+  addMemoryOption(*sub, options.memory_bytes);
+  addThreadsOption(*sub, options.threads);
+  sub->footer(R"(
+It prints the address to open, with a key that lets in, and ends with Ctrl-C. docs/SERVE.md says
+more, and how to put it behind a proxy.
+
+Examples:
+  isobrick serve head.isb
+  isobrick serve scans/ --memory 4G --port 8080)");
+  return {sub, [arguments] { return runServeCommand(*arguments); }};
+}
+
+}  // namespace isobrick

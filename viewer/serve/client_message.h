@@ -1,0 +1,37 @@
+// Messages of clients of a stream, which may be hostile: docs/SERVE.md, "The stream".
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <variant>
+
+#include "isobrick/viewer/state/view_state.h"
+
+namespace isobrick {
+
+inline constexpr std::size_t kMostMessageBytes = std::size_t{64} << 10;
+inline constexpr std::size_t kMostWishedSurfaces = 8;
+
+// The surfaces that a client wishes to see, every number within its bounds.
+struct ClientWish {
+  std::int64_t number = 0;  // the client's
+  SurfaceWish surfaces;
+  // Of all that the client keeps; none: no bound.
+  std::optional<std::uint64_t> most_triangles = {}, most_bytes = {};
+};
+
+// A pass is on the client's screen.
+struct ClientShown {
+  std::uint64_t pass = 0;
+  double seconds = 0.0;  // since its first chunk had arrived, 0 .. 10
+};
+
+// Nothing: a type that this server does not know.
+using ClientMessage = std::variant<std::monostate, ClientWish, ClientShown>;
+
+// Throws Error, one line, for text that is no such message.
+ClientMessage parseClientMessage(std::string_view text, const ViewVolume& volume);
+
+}  // namespace isobrick

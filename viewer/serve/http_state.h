@@ -1,0 +1,68 @@
+// What the connections of a server share. Private to viewer/serve/http_*.
+#pragma once
+
+#include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core/tcp_stream.hpp>
+#include <boost/beast/http/empty_body.hpp>
+#include <boost/beast/http/message.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/serve/access.h"
+#include "isobrick/viewer/serve/job_queue.h"
+#include "isobrick/viewer/serve/serve.h"
+#include "isobrick/viewer/serve/served_volumes.h"
+
+namespace isobrick {
+
+class StreamConnection;
+
+inline constexpr std::size_t kMostConnections = 400, kMostClients = 200;
+// Until a request has come.
+inline constexpr int kRequestSeconds = 10;
+// Without a sign of life of a client.
+inline constexpr int kIdleSeconds = 60;
+
+// All of it but jobs belongs to the thread of `io`.
+struct ServerState {
+  explicit ServerState(ServeOptions given)
+      : options(std::move(given)),
+        access(newKey(), options.origins),
+        volumes(options.volumes, options.build, options.memory_bytes, options.remote) {}
+
+  std::size_t connections = 0;
+  std::set<StreamConnection*> clients;
+  boost::asio::io_context io{1};  // holds connections, which use the above in their end
+  const ServeOptions options;
+  Access access;
+  ServedVolumes volumes;
+  struct {
+    std::uint64_t requests = 0, refused = 0, clients = 0, bytes = 0, chunks = 0, wishes = 0;
+  } counted;
+  std::string folder;  // for surfaces on their way; empty: none was needed yet
+  std::uint64_t last_file = 0;
+  CancelFlag stop;  // of jobs
+  // Last: their threads use the above.
+  JobQueue surfaces{1, 8}, slices{1, 64};
+  JobQueue ends{1, std::numeric_limits<std::size_t>::max()};  // destroys what may wait
+};
+
+using HttpRequest = boost::beast::http::request<boost::beast::http::empty_body>;
+
+// Reads requests and answers them.
+void startHttpConnection(boost::asio::ip::tcp::socket socket, ServerState& state);
+// Goes on with a request that was checked, as a stream of that volume. Counts as a connection.
+void startStreamConnection(boost::beast::tcp_stream stream, const HttpRequest& request,
+                           std::size_t volume, ServerState& state);
+// For the end of the server: tells the clients; and leaves them.
+void closeStreams(ServerState& state);
+void endStreams(ServerState& state);
+
+}  // namespace isobrick

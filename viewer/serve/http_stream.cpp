@@ -1,0 +1,267 @@
+// The WebSocket of a client: docs/SERVE.md, "The stream".
+#include <atomic>
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core/buffers_to_string.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http/field.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <deque>
+#include <exception>
+#include <limits>
+#include <utility>
+#include <variant>
+
+#include "isobrick/viewer/serve/http_state.h"
+#include "isobrick/viewer/serve/surface_session.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+
+namespace isobrick {
+
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace websocket = boost::beast::websocket;
+using StreamError = boost::system::error_code;
+
+// On its way to a client; what waits beyond it can still be replaced.
+constexpr std::size_t kMostOnTheWay = 64 << 10;
+// Of messages of all kinds: who takes none of so many is gone.
+constexpr std::size_t kMostMessages = 4096;
+constexpr auto kBetweenMessages = std::chrono::milliseconds(4);
+constexpr auto kBetweenLooks = std::chrono::milliseconds(50);  // at an opening
+
+std::chrono::nanoseconds secondsOf(double seconds) {
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds));
+}
+
+}  // namespace
+
+class StreamConnection : public ClientLine, public std::enable_shared_from_this<StreamConnection> {
+ public:
+  StreamConnection(beast::tcp_stream stream, std::size_t volume, ServerState& state)
+      : state_(state),
+        volume_(volume),
+        socket_(std::move(stream)),
+        timer_(state.io),
+        pause_(state.io) {
+    ++state_.connections;
+    state_.clients.insert(this);
+  }
+  ~StreamConnection() override {
+    end();
+    --state_.connections;
+  }
+
+  // Nothing more is done for the client. The session's end may take a while.
+  void end() {
+    if (ended_) return;
+    ended_ = closing_ = true;
+    timer_.cancel();
+    pause_.cancel();
+    beast::get_lowest_layer(socket_).close();
+    state_.clients.erase(this);
+    if (session_ == nullptr) return;
+    state_.ends.add([session = std::exchange(session_, nullptr)]() mutable { session.reset(); });
+  }
+
+  void start(const HttpRequest& request) {
+    beast::get_lowest_layer(socket_).expires_never();
+    websocket::stream_base::timeout limits{std::chrono::seconds(kRequestSeconds),
+                                           std::chrono::seconds(kIdleSeconds), true};
+    socket_.set_option(limits);
+    socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
+      response.set(beast::http::field::sec_websocket_protocol, "isobrick.1");
+    }));
+    socket_.read_message_max(kMostMessageBytes);
+    socket_.auto_fragment(false);
+    socket_.async_accept(request, [self = shared_from_this()](StreamError error) {
+      if (error) return self->end();
+      ++self->state_.counted.clients;
+      self->read();
+      self->awaitVolume();
+    });
+  }
+
+  void sendText(std::string text) override {
+    send({false,
+          std::vector<std::byte>(reinterpret_cast<const std::byte*>(text.data()),
+                                 reinterpret_cast<const std::byte*>(text.data()) + text.size())});
+  }
+  void sendChunk(std::vector<std::byte> packet) override {
+    ++state_.counted.chunks;
+    send({true, std::move(packet)});
+  }
+  bool hasRoom() const override { return on_the_way_ < kMostOnTheWay; }
+
+  void close(websocket::close_code code, const std::string& why) {
+    if (closing_) return;
+    closing_ = true;
+    // At most so many bytes go into a control frame.
+    const websocket::close_reason reason(code, why.substr(0, 120));
+    socket_.async_close(reason, [self = shared_from_this()](StreamError) { self->end(); });
+  }
+
+ private:
+  struct Message {
+    bool is_binary = false;
+    std::vector<std::byte> bytes;
+  };
+
+  void awaitVolume() {
+    if (closing_) return;
+    std::string error;
+    const auto opened = state_.volumes.open(volume_, error);
+    nlohmann::ordered_json entry = state_.volumes.entryOf(volume_);
+    if (!error.empty()) return fail(error);
+    if (opened != nullptr) return open(opened, entry["name"]);
+    if (messages_.empty()) {
+      entry["type"] = "opening";
+      sendText(entry.dump());
+    }
+    timer_.expires_after(4 * kBetweenLooks);
+    timer_.async_wait([self = shared_from_this()](StreamError stopped) {
+      if (!stopped) self->awaitVolume();
+    });
+  }
+
+  void open(const std::shared_ptr<const OpenedVolume>& opened, const std::string& name) try {
+    // Threads of an extraction have news; one word of it is on its way at a time.
+    const auto is_told = std::make_shared<std::atomic<bool>>(false);
+    const auto on_news = [self = weak_from_this(), is_told, &io = state_.io] {
+      if (is_told->exchange(true)) return;
+      asio::post(io, [self, is_told] {
+        is_told->store(false);
+        if (const auto connection = self.lock()) connection->update();
+      });
+    };
+    session_ = std::make_shared<SurfaceSession>(opened, state_.options.threads, *this, on_news);
+    nlohmann::ordered_json facts = factsOf(volume_, name, *opened);
+    facts["type"] = "volume";
+    sendText(facts.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    if (!early_.empty()) take(early_);
+  } catch (const std::exception& failure) {
+    fail(failureWords(failure));
+  }
+
+  void fail(const std::string& error) {
+    const nlohmann::ordered_json json{{"type", "error"}, {"error", error}};
+    sendText(json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    close(websocket::close_code::internal_error, error);
+  }
+
+  void read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](StreamError error, std::size_t) {
+      self->onRead(error);
+    });
+  }
+
+  void onRead(StreamError error) {
+    if (error || ended_) return end();
+    const std::string text = beast::buffers_to_string(buffer_.data());
+    buffer_.consume(buffer_.size());
+    if (session_ == nullptr)
+      early_ = text;
+    else
+      take(text);
+    if (ended_) return;
+    const auto now = std::chrono::steady_clock::now();
+    const bool is_soon = now - last_message_ < kBetweenMessages;
+    last_message_ = now;
+    if (!is_soon) return read();
+    pause_.expires_after(kBetweenMessages);
+    pause_.async_wait([self = shared_from_this()](StreamError stopped) {
+      if (!stopped) self->read();
+    });
+  }
+
+  void take(const std::string& text) {
+    if (closing_) return;
+    try {
+      const ClientMessage message = parseClientMessage(text, session_->volume());
+      if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
+      session_->take(message);
+    } catch (const Error& failure) {
+      return close(websocket::close_code::policy_error, failure.what());
+    }
+    update();
+  }
+
+  void update() {
+    if (session_ == nullptr || closing_) return;
+    std::optional<double> again;
+    try {
+      again = session_->update();
+    } catch (const std::exception& failure) {
+      return fail(failureWords(failure));
+    }
+    if (!again) {
+      timer_.cancel();
+      return;
+    }
+    timer_.expires_after(secondsOf(*again));
+    timer_.async_wait([self = shared_from_this()](StreamError stopped) {
+      if (!stopped) self->update();
+    });
+  }
+
+  void send(Message message) {
+    if (ended_) return;
+    if (messages_.size() >= kMostMessages) {
+      closing_ = true;
+      return beast::get_lowest_layer(socket_).close();  // and the write under way says so
+    }
+    on_the_way_ += message.bytes.size();
+    messages_.push_back(std::move(message));
+    if (messages_.size() == 1) write();
+  }
+
+  void write() {
+    const Message& message = messages_.front();
+    socket_.binary(message.is_binary);
+    socket_.async_write(asio::buffer(message.bytes.data(), message.bytes.size()),
+                        [self = shared_from_this()](StreamError error, std::size_t bytes) {
+                          self->onWritten(error, bytes);
+                        });
+  }
+
+  void onWritten(StreamError error, std::size_t bytes) {
+    state_.counted.bytes += bytes;
+    if (error) return end();
+    on_the_way_ -= messages_.front().bytes.size();
+    messages_.pop_front();
+    if (!messages_.empty()) write();
+    update();
+  }
+
+  ServerState& state_;
+  const std::size_t volume_;
+  websocket::stream<beast::tcp_stream> socket_;
+  asio::steady_timer timer_, pause_;
+  beast::flat_buffer buffer_{kMostMessageBytes};
+  std::string early_;  // the last message before the volume was open
+  std::chrono::steady_clock::time_point last_message_;
+  std::deque<Message> messages_;  // the first one is being written
+  std::size_t on_the_way_ = 0;    // bytes of them
+  std::shared_ptr<SurfaceSession> session_;
+  bool closing_ = false, ended_ = false;
+};
+
+void startStreamConnection(beast::tcp_stream stream, const HttpRequest& request, std::size_t volume,
+                           ServerState& state) {
+  std::make_shared<StreamConnection>(std::move(stream), volume, state)->start(request);
+}
+
+void closeStreams(ServerState& state) {
+  for (StreamConnection* const client : std::set(state.clients))
+    client->close(websocket::close_code::going_away, "the server ends");
+}
+
+void endStreams(ServerState& state) {
+  for (StreamConnection* const client : std::set(state.clients)) client->end();
+}
+
+}  // namespace isobrick

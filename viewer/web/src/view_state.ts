@@ -1,0 +1,182 @@
+// All that a view brings back: the fields of a view file (docs/reference/views-and-pictures.md)
+// that the page knows, by the same names, so that a link, the window and `isobrick render --state`
+// show the same picture.
+import { framed, type ViewCamera } from './camera';
+import type { Box, Mat3, Vec3 } from './vector';
+import { add, boxAround, clamp, cornersOf, inverse, length, mapped, scale, subtract, times, unit } from './vector';
+
+// Colours are sRGB values 0..1.
+export interface ViewSurface {
+  isovalue: number;
+  color: Vec3;
+  opacity: number;
+  visible: boolean;
+}
+
+export interface ViewFocus {
+  center: Vec3; // voxel indices
+  radius: number; // voxels
+  everywhere: boolean; // the finest level everywhere
+}
+
+// Points with dot(normal, point) >= offset stay. World.
+export interface ViewClipPlane {
+  normal: Vec3;
+  offset: number;
+  enabled: boolean;
+  cap: boolean;
+}
+
+// Two points: their distance. Three: the angle at the second.
+export interface ViewMeasurement {
+  points: Vec3[];
+}
+
+export interface ViewState {
+  camera: ViewCamera;
+  surfaces: ViewSurface[]; // at least one
+  active_surface: number;
+  focus: ViewFocus;
+  clip_planes: ViewClipPlane[];
+  value_window: [number, number]; // that caps show black and white
+  coloring: 'plain' | 'level';
+  measurements: ViewMeasurement[];
+  background_top: Vec3;
+  background_bottom: Vec3;
+}
+
+export const kMostClipPlanes = 6;
+export const kMostSurfaces = 8;
+export const kMostMeasurements = 64;
+
+// The facts of a volume that a view needs.
+export class ViewVolume {
+  readonly indexToWorldMatrix: Mat3;
+  private readonly worldToIndexMatrix: Mat3;
+
+  constructor(
+    readonly voxels: Vec3,
+    readonly origin: Vec3,
+    readonly spacing: Vec3,
+    direction: Mat3, // columns
+    readonly values: readonly [number, number],
+    readonly isovalues: readonly number[], // that are suggested, the best one first
+    readonly unit: string,
+  ) {
+    const [x, y, z] = direction;
+    this.indexToWorldMatrix = [scale(x, spacing[0]), scale(y, spacing[1]), scale(z, spacing[2])];
+    this.worldToIndexMatrix = inverse(this.indexToWorldMatrix);
+  }
+
+  indexToWorld(index: Vec3): Vec3 {
+    return add(this.origin, times(this.indexToWorldMatrix, index));
+  }
+  worldToIndex(world: Vec3): Vec3 {
+    return times(this.worldToIndexMatrix, subtract(world, this.origin));
+  }
+  last(): Vec3 {
+    return mapped(this.voxels, (count) => count - 1);
+  }
+  box(): Box {
+    return this.boxAround([0, 0, 0], this.last());
+  }
+  // The world's box around a box of voxel indices.
+  boxAround(lower: Vec3, upper: Vec3): Box {
+    return boxAround(cornersOf({ lower, upper }).map((index) => this.indexToWorld(index)));
+  }
+  // Voxels from any point of the volume to the furthest.
+  diagonal(): number {
+    return length(this.last());
+  }
+  // Of the world.
+  size(): number {
+    return length(subtract(this.box().upper, this.box().lower));
+  }
+}
+
+export const kSurfaceColors: readonly Vec3[] = [
+  [0.9, 0.86, 0.79], [0.8, 0.45, 0.38], [0.45, 0.66, 0.85], [0.6, 0.75, 0.42],
+  [0.93, 0.78, 0.4], [0.68, 0.52, 0.78], [0.4, 0.72, 0.68], [0.85, 0.6, 0.7],
+];
+
+const kBackgrounds: Readonly<Record<'dark' | 'light', readonly [Vec3, Vec3]>> = {
+  dark: [[0.36, 0.38, 0.41], [0.16, 0.17, 0.19]],
+  light: [[0.96, 0.97, 0.98], [0.78, 0.8, 0.83]],
+};
+
+export function firstView(volume: ViewVolume, aspect: number, theme: 'dark' | 'light'): ViewState {
+  const [least, greatest] = volume.values;
+  const [background_top, background_bottom] = kBackgrounds[theme];
+  const from_the_left = { azimuth: 25, elevation: 15, vertical_fov: 30, orthographic: false };
+  const camera = { pivot: [0, 0, 0] as Vec3, distance: 1, ...from_the_left };
+  const isovalue = volume.isovalues[0] ?? 0.5 * (least + greatest);
+  return {
+    camera: framed(camera, volume.box(), aspect),
+    surfaces: [{ isovalue, color: kSurfaceColors[0]!, opacity: 1, visible: true }],
+    active_surface: 0,
+    focus: { center: scale(volume.last(), 0.5), radius: Math.max(8, 0.25 * Math.max(...volume.voxels)), everywhere: true },
+    clip_planes: [],
+    value_window: [least, greatest],
+    coloring: 'plain',
+    measurements: [],
+    background_top,
+    background_bottom,
+  };
+}
+
+// With every number in its range.
+export function bounded(state: ViewState, volume: ViewVolume): ViewState {
+  const size = volume.size();
+  const surfaces = state.surfaces.slice(0, kMostSurfaces).map((surface) => ({
+    ...surface,
+    isovalue: clamp(surface.isovalue, ...volume.values),
+    opacity: clamp(surface.opacity, 0, 1),
+  }));
+  const last = volume.last();
+  return {
+    ...state,
+    camera: {
+      ...state.camera,
+      distance: clamp(state.camera.distance, 1e-5 * size, 100 * size),
+      elevation: clamp(state.camera.elevation, -90, 90),
+      vertical_fov: clamp(state.camera.vertical_fov, 1, 150),
+    },
+    surfaces,
+    active_surface: clamp(state.active_surface, 0, surfaces.length - 1),
+    focus: {
+      ...state.focus,
+      center: mapped(state.focus.center, (value, axis) => clamp(value, 0, last[axis]!)),
+      radius: clamp(state.focus.radius, 1, volume.diagonal()),
+    },
+    clip_planes: state.clip_planes.slice(0, kMostClipPlanes).map((p) => ({ ...p, normal: unit(p.normal) })),
+    measurements: state.measurements.slice(0, kMostMeasurements),
+  };
+}
+
+// A list with a change of element i.
+export const replaced = <T>(list: readonly T[], i: number, change: Partial<T>): T[] =>
+  list.map((item, at) => (at === i ? { ...item, ...change } : item));
+
+export const activeSurface = (state: ViewState): ViewSurface => state.surfaces[state.active_surface]!;
+
+export const withActive = (state: ViewState, change: Partial<ViewSurface>): ViewState => ({
+  ...state,
+  surfaces: replaced(state.surfaces, state.active_surface, change),
+});
+
+// The view turns about the point, and the focus moves there.
+export function focusedOn(state: ViewState, world: Vec3, volume: ViewVolume): ViewState {
+  const focus = { ...state.focus, center: volume.worldToIndex(world) };
+  return bounded({ ...state, camera: { ...state.camera, pivot: world }, focus }, volume);
+}
+
+// A clip plane across an axis of the world through the focus, or that one off, or on again.
+export function withClipPlane(state: ViewState, axis: number, volume: ViewVolume): ViewState {
+  const found = state.clip_planes.findIndex((plane) => Math.abs(plane.normal[axis]!) === 1);
+  const enabled = !state.clip_planes[found]?.enabled;
+  if (found >= 0) return { ...state, clip_planes: replaced(state.clip_planes, found, { enabled }) };
+  if (state.clip_planes.length === kMostClipPlanes) return state;
+  const normal = mapped([0, 0, 0], (_, i) => (i === axis ? 1 : 0));
+  const offset = volume.indexToWorld(state.focus.center)[axis]!;
+  return { ...state, clip_planes: [...state.clip_planes, { normal, offset, enabled, cap: true }] };
+}
