@@ -6,6 +6,7 @@
 #include "isobrick/extract/paging/brick_fetcher.h"
 #include "isobrick/extract/paging/missing_bricks.h"
 #include "isobrick/extract/session/brick_traversal.h"
+#include "isobrick/extract/session/capped_box.h"
 #include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/session/query_context.h"
 #include "isobrick/extract/session/surface_writer.h"
@@ -48,7 +49,10 @@ struct Extractor::Memory {
                             TriangleSink& sink) {
     std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
     const PyramidSpec& spec = context.pyramid.spec();
-    sink.begin({spec.geometry, spec.voxels, spec.has_missing});
+    sink.begin({.geometry = spec.geometry,
+                .voxels = spec.voxels,
+                .has_missing = spec.has_missing,
+                .has_caps = context.query.cap});
     meshInOrder(context, bricks, mesh, sink, counts);
     context.checkCancel();
     context.throwIfWrittenOver();
@@ -58,7 +62,8 @@ struct Extractor::Memory {
   // `writer`: of the mesh.
   ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
                             SurfaceMesh& into, SurfaceWriter& writer) {
-    if (!context.query.simplify && !context.query.has_brick && SurfaceWriter::canWrite(bricks)) {
+    if (!context.query.simplify && !context.query.has_brick && !context.query.cap &&
+        SurfaceWriter::canWrite(bricks)) {
       const LevelCounts counts = writer.run(context, bricks);
       return makeReport(context.pyramid, log, {counts});
     }
@@ -107,8 +112,8 @@ ExtractionPlan Extractor::plan(const Query& query) const {
   if (query.is_progressive) throw Error("a progressive query has no plan; extract it");
   checkQuery(memory_->pyramid, query);
   ExtractionPlan plan;
-  plan.query_ = query;
-  const QueryContext context(memory_->pyramid, query, memory_->log);
+  plan.query_ = withCappedBox(memory_->pyramid, query);
+  const QueryContext context(memory_->pyramid, plan.query_, memory_->log);
   plan.bricks_ = traverseBricks(*context);
   return plan;
 }

@@ -83,15 +83,27 @@ struct SimplifyOptions {
   bool operator==(const SimplifyOptions&) const = default;
 };
 
+// The side of a surface on which the object lies. The surface is the same; its triangles and
+// normals look away from the object.
+enum class InsideOf {
+  kAbove,  // values of at least the isovalue: bright things
+  kBelow,  // values below it: dark things, and level sets, which are negative inside
+};
+
 // Which surface it is, and how fine. Two queries with the same choice give the same surface.
 struct SurfaceChoice : DetailChoice {
-  // The surface separates value >= isovalue (inside) from value < isovalue. In the values of the
-  // input; compared in single precision as it would be stored (Pyramid::storedIsovalue()).
+  // The surface separates value >= isovalue from value < isovalue. In the values of the input;
+  // compared in single precision as it would be stored (Pyramid::storedIsovalue()).
   double isovalue = 0;
+  InsideOf inside = InsideOf::kAbove;  // see there
   // Further choices: a cell is refined if any one of them, or the query's own, refines it.
   std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
+  // Closes the surface where it leaves the volume, or the box, as if all values beyond were
+  // outside: with triangles in that border alone, the caps. The box grows until it cuts no leaf.
+  // Beside voxels without data the surface stays open. A progressive query with a box has no caps.
+  bool cap = false;
   std::optional<SimplifyOptions> simplify;  // none: the surface as it was meshed
   // Off: every brick and every tile is visited. The mesh is the same (rule 7), perhaps in another
   // order; for tests.
@@ -108,7 +120,7 @@ struct Query : SurfaceChoice {
   // True if the caller has that brick's part of the surface already: the result leaves it out. It
   // is called on the caller's thread, at most once a brick, for bricks of which all cells, and all
   // cells that touch them, are leaves of the brick's level: the part of such a brick depends on
-  // pyramid, level, brick and isovalue alone.
+  // pyramid, level, brick, isovalue and side alone.
   std::function<bool(int level, const Index3& brick)> has_brick;
   // Checked all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;
@@ -149,6 +161,7 @@ struct LevelCounts {
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t triangles = 0;         // of all its leaves
   std::uint64_t transition_cells = 0;  // cells whose triangles are fans
+  std::uint64_t cap_triangles = 0;     // those of its triangles that are caps
 };
 
 // The result of an extraction.

@@ -12,6 +12,7 @@
 #include <limits>
 
 #include "isobrick/extract/crossing_grid.h"
+#include "isobrick/extract/query.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/voxel_type.h"
 
@@ -87,14 +88,17 @@ inline glm::vec3 gradientAt(const glm::vec3& low, const glm::vec3& high, float t
 }
 
 // From index space to world space for one volume: normals, which are gradients and transform with
-// the inverse transpose, and the way round of triangles. Positions stay with the brick; see
-// WorldPlacement.
+// the inverse transpose, and the way round of triangles. Both are turned round if the inside is
+// below the isovalue. Positions stay with the brick; see WorldPlacement.
 class WorldFrame {
  public:
   // `values`: least and greatest voxel, so that squares of gradients neither overflow nor vanish.
-  explicit WorldFrame(const GridGeometry& geometry, const ValueRange& values = {0.0f, 1.0f})
-      : mirrored_(glm::determinant(geometry.indexToWorldMatrix()) < 0) {
-    const glm::dmat3 to_normal = glm::transpose(glm::inverse(geometry.indexToWorldMatrix()));
+  explicit WorldFrame(const GridGeometry& geometry, const ValueRange& values = {0.0f, 1.0f},
+                      InsideOf inside = InsideOf::kAbove)
+      : mirrored_((glm::determinant(geometry.indexToWorldMatrix()) < 0) !=
+                  (inside == InsideOf::kBelow)) {
+    const double side = inside == InsideOf::kBelow ? -1.0 : 1.0;
+    const glm::dmat3 to_normal = side * glm::transpose(glm::inverse(geometry.indexToWorldMatrix()));
     double greatest = 0;
     for (int column = 0; column < 3; ++column)
       for (int row = 0; row < 3; ++row)
@@ -112,12 +116,13 @@ class WorldFrame {
     for (int axis = 0; axis < 3; ++axis) edge_normals_[axis] = glm::normalize(to_normal[axis]);
   }
 
-  // The unit normal towards lower values for an index-space gradient. If the gradient vanishes, the
-  // normal is along the edge, from its inside end to its outside end.
-  glm::vec3 normal(const glm::vec3& gradient, int edge_axis, bool low_end_is_inside) const {
+  // The outward unit normal for an index-space gradient: towards lower values if the inside is
+  // above. If the gradient vanishes, the normal is along the edge. `low_end_is_above`: the value at
+  // the edge's low end is at least the isovalue.
+  glm::vec3 normal(const glm::vec3& gradient, int edge_axis, bool low_end_is_above) const {
     const glm::vec3 world = transformed(gradient);
     const float square = (world.x * world.x + world.y * world.y) + world.z * world.z;
-    if (!isUsable(square)) return normalInDouble(gradient, edge_axis, low_end_is_inside);
+    if (!isUsable(square)) return normalInDouble(gradient, edge_axis, low_end_is_above);
     const float factor = -1.0f / std::sqrt(square);
     return {world.x * factor, world.y * factor, world.z * factor};
   }
@@ -134,7 +139,8 @@ class WorldFrame {
   // True if the world's axes are those of the index: then only the diagonal counts.
   bool isDiagonal() const { return diagonal_; }
 
-  // True if the index axes are left-handed in the world, so that triangles must turn round.
+  // True if triangles must turn round: the index axes are left-handed in the world, or the inside
+  // is below the isovalue, but not both.
   bool mirrored() const { return mirrored_; }
 
  private:
@@ -152,7 +158,7 @@ class WorldFrame {
 
   // Gradients that are tiny against the volume's range of values: beside a voxel of 1e36 that means
   // "no value", say.
-  glm::vec3 normalInDouble(const glm::dvec3& g, int edge_axis, bool low_end_is_inside) const {
+  glm::vec3 normalInDouble(const glm::dvec3& g, int edge_axis, bool low_end_is_above) const {
     glm::dvec3 world;
     for (int row = 0; row < 3; ++row) {
       const float* m = normal_matrix_[row];
@@ -160,12 +166,12 @@ class WorldFrame {
     }
     const double square = (world.x * world.x + world.y * world.y) + world.z * world.z;
     if (!(square > 0) || !std::isfinite(square))
-      return low_end_is_inside ? edge_normals_[edge_axis] : -edge_normals_[edge_axis];
+      return low_end_is_above ? edge_normals_[edge_axis] : -edge_normals_[edge_axis];
     return glm::vec3(world * (-1.0 / std::sqrt(square)));
   }
 
   float normal_matrix_[3][3];
-  glm::vec3 edge_normals_[3];  // unit, towards rising indices
+  glm::vec3 edge_normals_[3];  // unit, towards rising indices if the inside is above
   bool diagonal_ = true;
   bool mirrored_;
 };

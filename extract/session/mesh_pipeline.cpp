@@ -192,6 +192,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     level.cells += batch.cells;
     level.transition_cells += batch.transition_cells;
     level.triangles += batch.triangles.size() / 3;
+    level.cap_triangles += batch.cap_indices / 3;
     give([&] { sink.place(*job.batch); });
   };
   const auto write = [&](const JobBoard::Job& job) {

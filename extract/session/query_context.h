@@ -20,7 +20,7 @@ class QueryContext {
   QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log,
                ResidencyOracle* residency = nullptr)
       : oracles_(oraclesOf(pyramid, query)),
-        frame_(pyramid.spec().geometry, pyramid.valueRange()),
+        frame_(pyramid.spec().geometry, pyramid.valueRange(), query.inside),
         context_{pyramid,
                  query,
                  oracles_,

@@ -82,6 +82,7 @@ class ShareFile {
   MeshFrame frame() const {
     MeshFrame frame;
     readGrid(header_, frame.voxels, frame.geometry);
+    frame.has_caps = header_.has_caps == 1;
     return frame;
   }
 
@@ -97,7 +98,8 @@ class ShareFile {
  private:
   bool isSane() const {
     return header_.of >= 1 && header_.of <= kMostShares && header_.number >= 1 &&
-           header_.number <= header_.of && header_.first_brick <= header_.all_bricks &&
+           header_.number <= header_.of && header_.has_caps <= 1 &&
+           header_.first_brick <= header_.all_bricks &&
            header_.brick_count <= header_.all_bricks - header_.first_brick &&
            header_.batches <= header_.brick_count && header_.identity_bytes <= kMostIdentityBytes &&
            header_.identity_bytes <= size_ - sizeof header_ && isStoredGridSane(header_) &&
@@ -148,7 +150,8 @@ void decode(MergedBatch& merged, const Index3& voxels) {
     failDamaged(merged.path, merged.offset);
   MeshBatch& batch = merged.placed.batch;
   bool is_sane = record.level < 64 && record.is_uniform <= 1 && record.indices % 3 == 0 &&
-                 record.transition_indices <= record.indices;
+                 record.transition_indices <= record.indices &&
+                 record.cap_indices <= record.indices && record.cap_indices % 3 == 0;
   batch.level = static_cast<int>(record.level);
   batch.is_uniform = record.is_uniform == 1;
   for (int axis = 0; axis < 3; ++axis) {
@@ -158,6 +161,7 @@ void decode(MergedBatch& merged, const Index3& voxels) {
     batch.origin[axis] = record.origin[axis];
   }
   batch.transition_indices = record.transition_indices;
+  batch.cap_indices = record.cap_indices;
   batch.cells = record.cells;
   batch.transition_cells = record.transition_cells;
   ArrayReader arrays(merged.bytes.data() + sizeof record);

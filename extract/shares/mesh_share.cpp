@@ -27,7 +27,10 @@ class MeshShareSink : public MeshFileSink {
     header_.all_bricks = plan.bricks().size();
   }
 
-  void begin(const MeshFrame& frame) override { storeGrid(frame.voxels, frame.geometry, header_); }
+  void begin(const MeshFrame& frame) override {
+    storeGrid(frame.voxels, frame.geometry, header_);
+    header_.has_caps = frame.has_caps ? 1 : 0;
+  }
 
   void place(PlacedBatch& placed) override {
     numbering_.place(placed);
@@ -77,6 +80,7 @@ class MeshShareSink : public MeshFileSink {
     record.indices = static_cast<std::uint32_t>(batch.triangles.size());
     record.shared = static_cast<std::uint32_t>(batch.shared.size());
     record.transition_indices = static_cast<std::uint32_t>(batch.transition_indices);
+    record.cap_indices = static_cast<std::uint32_t>(batch.cap_indices);
     record.cells = batch.cells;
     record.transition_cells = batch.transition_cells;
     BytePointer to(bytes.data() + sizeof record);

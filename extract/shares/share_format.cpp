@@ -77,6 +77,7 @@ std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice)
     lines.add("box_min", choice.box->min);
     lines.add("box_max", choice.box->max);
   }
+  if (choice.cap) lines.add("cap", {});
   if (choice.simplify) {
     lines.add("simplify", {choice.simplify->distance});
     lines.add("simplify_in_world", {choice.simplify->in_world ? 1.0 : 0.0});

@@ -18,7 +18,7 @@
 namespace isobrick::share_format {
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'S', 'H', 'A', 'R', 'E'};
-inline constexpr std::uint32_t kVersion = 1;
+inline constexpr std::uint32_t kVersion = 2;
 
 struct Header {
   char magic[8];
@@ -26,6 +26,8 @@ struct Header {
   std::uint32_t length_unit;  // LengthUnit, of the geometry
   std::uint64_t file_bytes;
   std::uint32_t number, of;                // ShareNumber
+  std::uint32_t has_caps;                  // 0 or 1
+  std::uint32_t reserved;                  // 0
   std::uint64_t first_brick, brick_count;  // of the plan, which has all_bricks
   std::uint64_t all_bricks;
   std::uint64_t batches;    // records
@@ -38,7 +40,7 @@ struct Header {
   std::uint64_t identity_checksum;  // XXH3-64 of the text
   std::uint64_t header_checksum;    // XXH3-64 of all the bytes before it
 };
-static_assert(sizeof(Header) == 240);
+static_assert(sizeof(Header) == 248);
 
 struct BatchRecord {
   std::uint64_t bytes;     // of the record, this struct and the arrays
@@ -47,10 +49,10 @@ struct BatchRecord {
   std::uint32_t is_uniform;  // 0 or 1
   std::int64_t brick[3];
   std::int64_t origin[3];
-  std::uint32_t positions, indices, shared, transition_indices;
+  std::uint32_t positions, indices, shared, transition_indices, cap_indices, reserved;
   std::uint64_t cells, transition_cells;
 };
-static_assert(sizeof(BatchRecord) == 104);
+static_assert(sizeof(BatchRecord) == 112);
 
 // A MeshBatch::SharedVertex.
 struct SharedRecord {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/vec4.hpp>
+#include <span>
 
 #include "isobrick/extract/sinks/gltf_text.h"
 
@@ -35,11 +36,12 @@ std::vector<T> allOf(const std::vector<MeshoptPiece>& pieces,
   return all;
 }
 
-std::vector<std::uint32_t> allTriangles(const std::vector<MeshoptPiece>& pieces) {
+std::vector<std::uint32_t> allTriangles(const std::vector<MeshoptPiece>& pieces,
+                                        std::vector<std::uint32_t> MeshoptPiece::*triangles) {
   std::vector<std::uint32_t> all;
   std::uint32_t first = 0;
   for (const MeshoptPiece& piece : pieces) {
-    for (const std::uint32_t corner : piece.triangles) all.push_back(first + corner);
+    for (const std::uint32_t corner : piece.*triangles) all.push_back(first + corner);
     first += static_cast<std::uint32_t>(piece.positions.size());
   }
   return all;
@@ -53,9 +55,11 @@ class ChunkPacker {
     add(view, count, stride,
         meshopt_encodeVertexBuffer(buffer_.data(), buffer_.size(), data, count, stride));
   }
-  void addTriangles(const std::vector<std::uint32_t>& corners, std::size_t vertices) {
+  void addTriangles(PackedChunk::View view, std::span<const std::uint32_t> corners,
+                    std::size_t vertices) {
+    if (corners.empty()) return;
     buffer_.resize(meshopt_encodeIndexBufferBound(corners.size(), vertices));
-    add(PackedChunk::kTriangles, corners.size(), sizeof(std::uint32_t),
+    add(view, corners.size(), sizeof(std::uint32_t),
         meshopt_encodeIndexBuffer(buffer_.data(), buffer_.size(), corners.data(), corners.size()));
   }
   PackedChunk take() { return std::move(packed_); }
@@ -102,12 +106,19 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   std::vector<glm::i32vec3> positions = allOf(pieces, &MeshoptPiece::positions);
   std::vector<glm::vec3> normals = allOf(pieces, &MeshoptPiece::normals);
   std::vector<float> values = allOf(pieces, &MeshoptPiece::values);
-  const std::vector<std::uint32_t> triangles = allTriangles(pieces);
 
   // Triangles that share corners come together, vertices in the order in which triangles use them.
-  std::vector<std::uint32_t> corners(triangles.size());
-  meshopt_optimizeVertexCacheFifo(corners.data(), triangles.data(), triangles.size(),
-                                  positions.size(), kCacheSize);
+  std::vector<std::uint32_t> corners;
+  const auto addCorners = [&](std::vector<std::uint32_t> MeshoptPiece::*kind) {
+    const std::vector<std::uint32_t> triangles = allTriangles(pieces, kind);
+    corners.resize(corners.size() + triangles.size());
+    meshopt_optimizeVertexCacheFifo(corners.data() + corners.size() - triangles.size(),
+                                    triangles.data(), triangles.size(), positions.size(),
+                                    kCacheSize);
+    return triangles.size();
+  };
+  const std::size_t surface = addCorners(&MeshoptPiece::triangles);
+  const std::size_t caps = addCorners(&MeshoptPiece::caps);
   std::vector<std::uint32_t> places(positions.size());
   const std::size_t count = meshopt_optimizeVertexFetchRemap(places.data(), corners.data(),
                                                              corners.size(), positions.size());
@@ -141,7 +152,8 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   packer.addVertices(PackedChunk::kNormals, shorts.data(), count, 8);
 
   if (!values.empty()) packer.addVertices(PackedChunk::kValues, values.data(), count, 4);
-  packer.addTriangles(corners, count);
+  packer.addTriangles(PackedChunk::kTriangles, std::span(corners).first(surface), count);
+  packer.addTriangles(PackedChunk::kCaps, std::span(corners).last(caps), count);
   PackedChunk packed = packer.take();
   // Exact: a float has 24 bits.
   packed.least = glm::vec3(glm::dvec3(least) * lattice.step());

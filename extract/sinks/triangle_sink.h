@@ -13,6 +13,7 @@
 namespace isobrick {
 
 // Identifies a crossing among all levels: the voxel position of its edge's lower end and the axis.
+// Axis 3 is none: the lattice point itself, a corner of a cap.
 //
 //   bit 63 62   61 .. 42   41 .. 22   21 .. 2   1 0
 //       0  0    z          y          x         axis
@@ -74,7 +75,10 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the lower values
   std::vector<SharedVertex> shared;    // ascending in `vertex`
-  // The last so many of `triangles` belong to transition cells, which join two levels.
+  // The last so many of `triangles` are caps (Query::cap), which lie in the border of the volume or
+  // of the query's box.
+  std::size_t cap_indices = 0;
+  // The last so many before them belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t transition_cells = 0;  // those of them that have a fan
@@ -85,7 +89,7 @@ struct MeshBatch {
     normals.clear();
     triangles.clear();
     shared.clear();
-    transition_indices = 0;
+    cap_indices = transition_indices = 0;
     cells = transition_cells = 0;
   }
   // Bytes that it takes in memory, without spare capacity.
@@ -100,6 +104,7 @@ struct MeshFrame {
   GridGeometry geometry;     // of the volume
   Index3 voxels{0};          // of level 0
   bool has_missing = false;  // voxels without data, beside which the surface is open
+  bool has_caps = false;     // Query::cap
 
   // Greatest magnitude of a world coordinate divided by the least voxel spacing: above 2048, single
   // precision no longer separates crossings that are 1/4096 of an edge apart (rule 8).
@@ -143,6 +148,7 @@ struct PlacedBatch {
   MeshBatch batch;                   // as it was made
   std::uint64_t first_vertex = 0;    // of the mesh
   std::uint64_t first_triangle = 0;  // likewise
+  std::uint64_t first_cap = 0;       // caps of the mesh before it
   std::uint64_t first_byte = 0;      // of the file, for sinks whose lines differ in length
   // Ascending. All other vertices are new and numbered from first_vertex on, in their order.
   std::vector<KnownVertex> known;
