@@ -39,7 +39,8 @@ void splitQueryWords(BenchArguments& arguments) {
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
     if (option->count() == 0) continue;
-    if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
+    if (name == "--box" || name == "--cap")
+      throw UsageError("bench compares whole surfaces as they are; leave out " + name);
     if (name == "--iso") {  // chosen by now
       settings.own_words.insert(settings.own_words.end(),
                                 {name, fmt::format("{}", settings.isovalue)});

@@ -22,6 +22,7 @@ struct QueryOptions {
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
+  bool cap = false;
   std::optional<SimplifyOptions> simplify;
   bool world = false;
   std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;

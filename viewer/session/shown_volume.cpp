@@ -71,6 +71,7 @@ Query ShownVolume::queryOf(const SurfaceWish& wish, std::size_t surface, double 
   if (!preview_of_) return query;
   Query coarse;
   coarse.isovalue = query.isovalue;
+  coarse.cap = query.cap;
   if (query.focus)
     coarse.focus = FocusSphere{query.focus->center / step(), query.focus->radius / step()};
   return coarse;

@@ -41,6 +41,7 @@ struct ChunkKey {
   std::uint64_t components = 0;         // a number for the list that colours them; 0: none
   int level = 0;                        // of the pyramid
   std::array<std::int64_t, 3> brick{};  // of that level
+  bool has_caps = false;                // Query::cap
 
   auto operator<=>(const ChunkKey&) const = default;  // an order of any kind
 };
