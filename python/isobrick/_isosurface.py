@@ -27,6 +27,7 @@ def isosurface(
     origin: Triple | None = None,
     direction: Any = None,
     box: Sequence[Sequence[float]] | None = None,
+    cap: bool = False,
     simplify: float | None = None,
     drop_small: bool = False,
     values: Pyramid | None = None,
@@ -56,6 +57,8 @@ def isosurface(
         the place of the voxels in the world, (x, y, z); images and xarray have their own
     box
         ((x, y, z), (x, y, z)): only cells that overlap it
+    cap
+        closes the surface at the border of the volume or of the box, as ``Query.cap``
     simplify
         fewer triangles, within this distance
     drop_small
@@ -71,7 +74,9 @@ def isosurface(
         0: all cores
     """
     described = describe(volume)
-    query = Query(float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices)
+    query = Query(
+        float(level), box=box, cap=cap, simplify=simplify, drop_small=drop_small, values=values, indices=indices
+    )
     chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:

@@ -321,7 +321,7 @@ class Pyramid:
         threads
             0: all cores
         **choice
-            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values and
+            of ``Query``: focus, radius, level, view, curvature, or_finer, box, cap, simplify, drop_small, values and
             indices; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)

@@ -88,6 +88,7 @@ class Choice(TypedDict, total=False):
     curvature: float | None
     or_finer: Sequence[Detail]
     box: Sequence[Sequence[float]] | None
+    cap: bool
     simplify: float | None
     drop_small: bool
     values: HasValues | None
@@ -118,6 +119,9 @@ class Query:
         more of these, each a ``Detail``: a cell is refined if any one of them wants it
     box
         ((x, y, z), (x, y, z)): only cells that overlap it
+    cap
+        closes the surface where it leaves the volume or the box, which grows until it cuts no cell: the mesh is
+        that of a solid, and ``Mesh.caps`` says which triangles do so. Beside voxels without data it stays open
     simplify
         fewer triangles, within this distance
     drop_small
@@ -136,6 +140,7 @@ class Query:
     curvature: float | None = None
     or_finer: Sequence[Detail] = ()
     box: Sequence[Sequence[float]] | None = None
+    cap: bool = False
     simplify: float | None = None
     drop_small: bool = False
     values: HasValues | None = None
@@ -164,6 +169,7 @@ class _QuerySettings:
     indices: bool
     or_finer: Sequence[Detail]
     box: tuple[Triple, Triple] | None
+    cap: bool
     simplify: float | None
     drop_small: bool
     values: Any
@@ -182,7 +188,7 @@ def settings_of(
         (ax, ay, az), (bx, by, bz) = query.box
         box = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
     return _QuerySettings(
-        isovalue, query._detail(), query.indices, query.or_finer, box, query.simplify, query.drop_small,
+        isovalue, query._detail(), query.indices, query.or_finer, box, query.cap, query.simplify, query.drop_small,
         None if query.values is None else query.values._handle, threads, progress, cancel, part,
     )  # fmt: skip
 
@@ -195,6 +201,8 @@ class LevelCounts:
     cells: int
     triangles: int
     transition_cells: int
+    #: Those of its triangles that are caps (``Query.cap``).
+    cap_triangles: int = 0
 
 
 @dataclass(frozen=True)

@@ -95,6 +95,7 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry) {
     const QueryBox box{vectorOf((*corners)[0]), vectorOf((*corners)[1])};
     query.box = indices ? box : indexBoxAround(box, geometry);
   }
+  query.cap = nb::cast<bool>(from.attr("cap"));
   if (const auto distance = optionalOf<double>(from, "simplify"))
     query.simplify = SimplifyOptions{*distance, !indices, nb::cast<bool>(from.attr("drop_small"))};
   return query;
@@ -124,6 +125,10 @@ nb::object mergeShares(const std::vector<std::string>& paths, const std::string&
   result["triangles"] = report.triangles;
   result["vertices"] = vertices;
   return result;
+}
+
+MeshFrame frameOf(const GridGeometry& geometry, const Index3& voxels, const Query& query) {
+  return {.geometry = geometry, .voxels = voxels, .has_caps = query.cap};
 }
 
 CallOptions readCall(const nb::object& from) {
@@ -204,8 +209,8 @@ nb::object meshIndexPoints(const MeshHandle& mesh) {
 nb::object reportOf(const ExtractionReport& report) {
   nb::list levels;
   for (const LevelCounts& counts : report.levels)
-    levels.append(
-        nb::make_tuple(counts.level, counts.cells, counts.triangles, counts.transition_cells));
+    levels.append(nb::make_tuple(counts.level, counts.cells, counts.triangles,
+                                 counts.transition_cells, counts.cap_triangles));
   nb::dict result;
   result["is_complete"] = report.is_complete;
   result["triangles"] = report.triangles;
@@ -244,7 +249,7 @@ class Session {
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      mesh->filled({geometry(), pyramid_->spec().voxels}, report, values);
+      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), report, values);
     });
     return {std::move(mesh)};
   }
@@ -391,7 +396,7 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
     query.cancel = &state.cancel();
     query.fraction_done = &state.fraction();
     const ExtractionReport report = extract(query, mesh->surface(), state);
-    mesh->filled({info.geometry, info.voxels}, report, values);
+    mesh->filled(frameOf(info.geometry, info.voxels, query), report, values);
   });
   idle->forgetIfLarge(*mesh);
   return nb::cast(MeshHandle{mesh});
@@ -423,6 +428,12 @@ void bindQueries(nb::module_& module) {
             return m.row(m.made([](MeshData& d) { return d.levels(); }), m.data->triangles());
           },
           nb::sig("def levels(self) -> numpy.typing.NDArray[numpy.uint8]"))
+      .def(
+          "caps",
+          [](const MeshHandle& m) {
+            return m.row(m.made([](MeshData& d) { return d.caps(); }), m.data->triangles());
+          },
+          nb::sig("def caps(self) -> numpy.typing.NDArray[numpy.bool_]"))
       .def(
           "values",
           [](const MeshHandle& m) -> nb::object {
