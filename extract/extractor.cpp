@@ -6,6 +6,7 @@
 #include "isobrick/extract/paging/brick_fetcher.h"
 #include "isobrick/extract/paging/missing_bricks.h"
 #include "isobrick/extract/session/brick_traversal.h"
+#include "isobrick/extract/session/capped_box.h"
 #include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/session/query_context.h"
 #include "isobrick/extract/session/surface_writer.h"
@@ -48,7 +49,11 @@ struct Extractor::Memory {
                             TriangleSink& sink) {
     std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
     const PyramidSpec& spec = context.pyramid.spec();
-    sink.begin({spec.geometry, spec.voxels, spec.has_missing, context.query.inside});
+    sink.begin({.geometry = spec.geometry,
+                .voxels = spec.voxels,
+                .has_missing = spec.has_missing,
+                .inside = context.query.inside,
+                .has_caps = context.query.cap});
     const std::unique_ptr<GroupSorter> groups = makeGroupSorter(context, sink);
     meshInOrder(context, bricks, mesh, sink, counts, groups.get());
     context.checkCancel();
@@ -59,8 +64,8 @@ struct Extractor::Memory {
   // `writer`: of the mesh.
   ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
                             SurfaceMesh& into, SurfaceWriter& writer) {
-    if (!context.query.simplify && !context.query.has_brick && context.region == nullptr &&
-        SurfaceWriter::canWrite(bricks)) {
+    if (!context.query.simplify && !context.query.has_brick && !context.query.cap &&
+        context.region == nullptr && SurfaceWriter::canWrite(bricks)) {
       const LevelCounts counts = writer.run(context, bricks);
       return makeReport(context.pyramid, log, {counts});
     }
@@ -109,8 +114,8 @@ ExtractionPlan Extractor::plan(const Query& query) const {
   if (query.is_progressive) throw Error("a progressive query has no plan; extract it");
   checkQuery(memory_->pyramid, query);
   ExtractionPlan plan;
-  plan.query_ = query;
-  const QueryContext context(memory_->pyramid, query, memory_->log);
+  plan.query_ = withCappedBox(memory_->pyramid, query);
+  const QueryContext context(memory_->pyramid, plan.query_, memory_->log);
   plan.bricks_ = traverseBricks(*context);
   return plan;
 }

@@ -35,7 +35,8 @@ class Extractor {
   // each other are those of the whole plan, so ranges may be executed by different extractors, at
   // the same time, and joined by their edge keys.
   //
-  // The mesh of the whole plan is closed and oriented away from the volume's border (rule 11).
+  // The mesh of the whole plan is closed and oriented away from the volume's border (rule 11), and
+  // there too if Query::cap is set.
   // Throws Error for a damaged brick, Cancelled, and whatever the sink throws. Only the query's
   // flag cancels it: inside a TBB task whose group is cancelled it goes on to its end.
   ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "isobrick/extract/session/brick_traversal.h"
+#include "isobrick/extract/session/capped_box.h"
 #include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/session/query_context.h"
 #include "isobrick/extract/session/surface_writer.h"
@@ -12,7 +13,7 @@ namespace isobrick {
 struct OnePassSurface::Run {
   // Into `into`, or, if that is null, into `mesh`.
   Run(const Pyramid& pyramid, const Query& asked, TriangleSink* into, SurfaceMesh* mesh)
-      : query(asked),
+      : query(withCappedBox(pyramid, asked)),
         context(pyramid, query, log),
         joiner(into == nullptr
                    ? std::make_unique<SurfaceJoiner>(*mesh, pyramid.spec().geometry, numbering)
@@ -46,7 +47,10 @@ OnePassSurface::OnePassSurface(const Pyramid& pyramid, const Query& query, Surfa
 
 void OnePassSurface::begin() {
   const PyramidSpec& spec = run_->context->pyramid.spec();
-  run_->sink.begin({spec.geometry, spec.voxels, false, run_->query.inside});
+  run_->sink.begin({.geometry = spec.geometry,
+                    .voxels = spec.voxels,
+                    .inside = run_->query.inside,
+                    .has_caps = run_->query.cap});
 }
 OnePassSurface::~OnePassSurface() = default;
 

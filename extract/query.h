@@ -102,7 +102,10 @@ struct SurfaceChoice : DetailChoice {
   std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
-  // Closes the surface where the region cuts it; of level 0 alone.
+  // Closes the surface where it leaves the volume, or the box, as if all values beyond were
+  // outside: with triangles in that border alone, the caps. The box grows until it cuts no leaf.
+  // Where a region cuts it, too; that is of level 0 alone. Beside voxels without data the surface
+  // stays open. A progressive query with a box has no caps.
   bool cap = false;
   SurfaceRegion region;                     // only the part of the surface within it
   std::optional<SimplifyOptions> simplify;  // none: the surface as it was meshed
@@ -162,6 +165,7 @@ struct LevelCounts {
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t triangles = 0;         // of all its leaves
   std::uint64_t transition_cells = 0;  // cells whose triangles are fans
+  std::uint64_t cap_triangles = 0;     // those of its triangles that are caps
 };
 
 // The result of an extraction.

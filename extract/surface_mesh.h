@@ -29,6 +29,7 @@ class SurfaceMesh {
     std::uint64_t triangles = 0;       // how many
     Index3 origin{0};                  // the voxel that positions are counted from
     int level = 0;                     // of the brick
+    std::uint64_t caps = 0;            // the last so many of its triangles are (Query::cap)
   };
   // Vertex numbers have 32 bits, of which some stand for no vertex (surface_writer.cpp).
   static constexpr std::uint64_t kMostVertices = (std::uint64_t{1} << 32) - 1024;

@@ -39,7 +39,8 @@ void splitQueryWords(BenchArguments& arguments) {
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
     if (option->count() == 0) continue;
-    if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
+    if (name == "--box" || name == "--cap")
+      throw UsageError("bench compares whole surfaces as they are; leave out " + name);
     if (name == "--iso") continue;  // chosen by now
     const bool of_every_row = name == "--memory" || name == "--no-map";
     std::vector<std::string>& words = of_every_row ? settings.own_words : settings.query_words;

@@ -103,7 +103,8 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
     json["levels"].push_back({{"level", counts.level},
                               {"cells", counts.cells},
                               {"triangles", counts.triangles},
-                              {"transition_cells", counts.transition_cells}});
+                              {"transition_cells", counts.transition_cells},
+                              {"cap_triangles", counts.cap_triangles}});
   json["bricks"] = {{"active", report.bricks_active}, {"read", report.bricks_read}};
   json["bytes_read"] = report.bytes_read;
   json["bytes_active"] = report.bytes_active;

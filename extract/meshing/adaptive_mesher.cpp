@@ -131,9 +131,11 @@ class AdaptiveMesher::Brick {
           makeZoneVertex(vertex, axis, at);
         });
     const std::size_t plain_indices = batch_.triangles.size();
+    if (context_.query.cap) memory_.caps_.begin(context_, work_, cells_, batch_);
     for (const FanCell& fan : memory_.fan_cells_) meshFans(fan);
     vertices_.flush();
     batch_.transition_indices = batch_.triangles.size() - plain_indices;
+    if (context_.query.cap) memory_.caps_.add(kernels, rows, LevelsAround{*this});
   }
 
  private:
@@ -156,9 +158,12 @@ class AdaptiveMesher::Brick {
           std::uint64_t& wanted = rows.wantedCells(j, k)[word];
           if (wanted == 0) continue;
           const std::uint64_t zone = split_.zone(j, k)[word];
-          std::uint64_t crossed = CellWords(rows, rows.row(j, k), word).crossedCells(wanted);
-          for (; crossed != 0; crossed &= crossed - 1) {
-            const int bit = std::countr_zero(crossed);
+          // Of those that are not crossed there may be caps alone.
+          std::uint64_t used = wanted;
+          if (!context_.query.cap)
+            used = CellWords(rows, rows.row(j, k), word).crossedCells(wanted);
+          for (; used != 0; used &= used - 1) {
+            const int bit = std::countr_zero(used);
             bool is_missing = false;
             for (int c = 0; c < 8 && !is_missing; ++c)
               is_missing =
@@ -297,8 +302,10 @@ class AdaptiveMesher::Brick {
         values[c] = cornerValueAt(first + Index3(c & 1, c >> 1 & 1, c >> 2));
       }
       known |= mask;
-      addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, values), context_.isovalue,
-                        numberOf, makeVertex, contour);
+      const TransitionFace halved = makeTransitionFace(lattice_, level_, cell, face, values);
+      addTransitionFace(halved, context_.isovalue, numberOf, makeVertex, contour);
+      if (context_.query.cap && memory_.caps_.isInBorder(first, face))
+        memory_.caps_.addHalved(halved, contour);
     }
     SeveralFans& fans = memory_.fans_;
     fans.clear();
@@ -346,6 +353,22 @@ class AdaptiveMesher::Brick {
     int axis_ = -1;
     std::int64_t j_ = 0, k_ = 0, word_ = 0;
     LeafRows::EdgeBits bits_;
+  };
+
+  // As NoOtherLevels.
+  struct LevelsAround {
+    Brick& brick;
+
+    bool hasAny(const Index3& cell) const {
+      return (brick.split_.zone(cell.y, cell.z)[cell.x / 64] >> cell.x % 64 & 1) != 0;
+    }
+    bool isBesideFiner(const Index3& cell, int face) const {
+      const auto finer = brick.leaves_.besideFiner(cell.y, cell.z, cell.x / 64);
+      return (finer[static_cast<std::size_t>(face)] >> cell.x % 64 & 1) != 0;
+    }
+    bool isHalved(int axis, const Index3& corner) const {
+      return brick.zone_edges_.around(brick.leaves_, axis, corner).beside_finer != 0;
+    }
   };
 
   const MeshContext& context_;

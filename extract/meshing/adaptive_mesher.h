@@ -2,11 +2,12 @@
 #pragma once
 
 #include "isobrick/extract/kernels/edge_crossings.h"
+#include "isobrick/extract/meshing/brick_caps.h"
+#include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
 #include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/meshing/fans.h"
 #include "isobrick/extract/meshing/transition_corners.h"
-#include "isobrick/extract/meshing/uniform_mesher.h"
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
@@ -38,6 +39,7 @@ class AdaptiveMesher {
   std::vector<FanCell> fan_cells_;
   SeveralFans fans_;
   EdgeQueue edges_;
+  BrickCaps caps_;
 };
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-// The tiles of a brick that the isosurface may cross.
+// The tiles of a brick that the isosurface may cross, or a cap may lie in.
 #pragma once
 
 #include <cstring>

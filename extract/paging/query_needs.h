@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/extract/cap_border.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
@@ -39,6 +40,7 @@ class QueryNeeds {
  public:
   QueryNeeds(const Pyramid& pyramid, const Query& query)
       : pyramid_(&pyramid),
+        border_(pyramid.lattice(), query),
         isovalue_(pyramid.storedIsovalue(query.isovalue)),
         culls_(query.cull_by_ranges) {
     const auto any = [&](auto has) {
@@ -53,9 +55,10 @@ class QueryNeeds {
   // The kinds of a brick's own parts that areMet() may ask for.
   std::span<const PartKind> kinds() const { return kinds_; }
 
-  // False if the isosurface does not reach the brick (rule 7). The brick's row is at hand.
+  // False if neither the isosurface nor a cap reaches the brick (rule 7). The brick's row is at
+  // hand.
   bool mayCross(int level, const Index3& brick) const {
-    return !culls_ || pyramid_->brickRange(level, brick).crosses(isovalue_);
+    return !culls_ || border_.reachesBrick(*pyramid_, level, brick, isovalue_);
   }
 
   // Asks for one needed row or part after the other. Ends with false at the first that is not
@@ -99,7 +102,7 @@ class QueryNeeds {
     if (!has.part(PartKind::kRanges, level, brick)) return false;
     if (pyramid_->layout().tileCells() < 4) return false;
     std::vector<std::uint8_t> crossed;
-    pyramid_->parts().crossedTiles(level, brick, isovalue_, crossed);
+    border_.findTiles(*pyramid_, level, brick, isovalue_, crossed);
     return std::find(crossed.begin(), crossed.end(), 1) == crossed.end();
   }
 
@@ -115,6 +118,7 @@ class QueryNeeds {
   }
 
   const Pyramid* pyramid_;
+  CapBorder border_;
   float isovalue_;
   bool culls_;
   std::vector<PartKind> kinds_ = {PartKind::kRanges, PartKind::kSamples};

@@ -3,6 +3,7 @@
 
 #include <glm/common.hpp>
 
+#include "isobrick/extract/cap_border.h"
 #include "isobrick/extract/kernels/crossing.h"
 #include "isobrick/extract/oracles/query_oracles.h"
 #include "isobrick/extract/paging/read_log.h"
@@ -29,9 +30,10 @@ struct MeshContext {
 
   const Lattice& lattice() const { return pyramid.lattice(); }
 
-  // False if the isosurface does not reach the brick (rule 7).
+  // False if neither the isosurface nor a cap reaches the brick (rule 7).
   bool mayCross(int level, const Index3& brick) const {
-    return !query.cull_by_ranges || pyramid.brickRange(level, brick).crosses(isovalue);
+    return !query.cull_by_ranges ||
+           CapBorder(lattice(), query).reachesBrick(pyramid, level, brick, isovalue);
   }
 
   // The bricks of the next finer level that cover the same cells.
@@ -52,10 +54,10 @@ struct MeshContext {
     read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
     pyramid.tileRanges(level, brick, out, query.cancel);
   }
-  // The tiles of the brick that the isosurface may cross: PyramidParts::crossedTiles().
+  // The tiles of the brick that the isosurface may cross, or a cap may lie in.
   void crossedTiles(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
     read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
-    pyramid.parts().crossedTiles(level, brick, isovalue, out, query.cancel);
+    CapBorder(lattice(), query).findTiles(pyramid, level, brick, isovalue, out, query.cancel);
   }
 
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }

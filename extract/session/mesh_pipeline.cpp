@@ -250,6 +250,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
       return;
     }
     level.triangles += batch.triangles.size() / 3;
+    level.cap_triangles += batch.cap_indices / 3;
     give([&] { sink.place(*job.batch); });
   };
   const auto write = [&](const JobBoard::Job& job) {
@@ -268,6 +269,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     const MeshBatch& batch = group.placed.batch;
     if (batch.triangles.empty() || context.isCancelled()) return;
     counts[0].triangles += batch.triangles.size() / 3;
+    counts[0].cap_triangles += batch.cap_indices / 3;
     give([&] { sink.place(group.placed); });
   };
   const auto writeGroup = [&](BatchGroup& group) {

@@ -110,6 +110,10 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
     if (query.cap && (!isOfLevelZero(query) || query.is_progressive))
       throw Error("caps where a region cuts need level 0 everywhere; ask for that, or for no caps");
   }
+  if (query.cap && query.box && query.is_progressive)
+    throw Error(
+        "a progressive query with a box has no caps, as the box grows with the levels that are in "
+        "memory; leave out one of them");
   if (query.simplify && !(query.simplify->distance > 0 && std::isfinite(query.simplify->distance)))
     throw Error("the distance of a simplification must be a finite number above 0");
 }

@@ -159,7 +159,7 @@ class SurfaceWriter::Run {
       counts.cells += done.crossed_cell_count;
       counts.triangles += done.triangles;
       mesh_.parts_.push_back({done.first_vertex, done.vertices, done.first_triangle, done.triangles,
-                              done.origin, work_[job].level});
+                              done.origin, work_[job].level, 0});
     }
     mesh_.vertices_ = jobs_.back().first_vertex;
     mesh_.triangles_ = jobs_.back().first_triangle;
@@ -368,7 +368,8 @@ void SurfaceJoiner::place(PlacedBatch& placed) {
   triangles_ += batch.triangles.size() / 3;
   mesh_.openFor(numbering_.count(), triangles_);
   parts_.push_back({placed.first_vertex, numbering_.count() - placed.first_vertex,
-                    placed.first_triangle, batch.triangles.size() / 3, batch.origin, batch.level});
+                    placed.first_triangle, batch.triangles.size() / 3, batch.origin, batch.level,
+                    batch.cap_indices / 3});
 }
 
 void SurfaceJoiner::write(PlacedBatch& placed) {

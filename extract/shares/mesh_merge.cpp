@@ -87,6 +87,7 @@ class ShareFile {
     MeshFrame frame;
     readGrid(header_, frame.voxels, frame.geometry);
     frame.inside = static_cast<InsideOf>(header_.inside);
+    frame.has_caps = header_.has_caps == 1;
     return frame;
   }
 
@@ -102,7 +103,7 @@ class ShareFile {
  private:
   bool isSane() const {
     return header_.of >= 1 && header_.of <= kMostShares && header_.number >= 1 &&
-           header_.number <= header_.of &&
+           header_.number <= header_.of && header_.has_caps <= 1 &&
            header_.inside <= static_cast<std::uint32_t>(InsideOf::kBelow) &&
            header_.first_brick <= header_.all_bricks &&
            header_.brick_count <= header_.all_bricks - header_.first_brick &&
@@ -185,7 +186,8 @@ void decode(MergedBatch& merged, const Index3& voxels, bool has_remains) {
     failDamaged(merged.path, merged.offset);
   MeshBatch& batch = merged.placed.batch;
   bool is_sane = record.level < 64 && record.is_uniform <= 1 && record.indices % 3 == 0 &&
-                 record.transition_indices <= record.indices;
+                 record.transition_indices <= record.indices &&
+                 record.cap_indices <= record.indices && record.cap_indices % 3 == 0;
   batch.level = static_cast<int>(record.level);
   batch.is_uniform = record.is_uniform == 1;
   for (int axis = 0; axis < 3; ++axis) {
@@ -195,6 +197,7 @@ void decode(MergedBatch& merged, const Index3& voxels, bool has_remains) {
     batch.origin[axis] = record.origin[axis];
   }
   batch.transition_indices = record.transition_indices;
+  batch.cap_indices = record.cap_indices;
   batch.cells = record.cells;
   batch.transition_cells = record.transition_cells;
   ArrayReader arrays(merged.bytes.data() + sizeof record);

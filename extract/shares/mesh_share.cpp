@@ -36,6 +36,7 @@ class MeshShareSink : public MeshFileSink {
   void begin(const MeshFrame& frame) override {
     storeGrid(frame.voxels, frame.geometry, header_);
     header_.inside = static_cast<std::uint32_t>(frame.inside);
+    header_.has_caps = frame.has_caps ? 1 : 0;
   }
 
   void place(PlacedBatch& placed) override {
@@ -87,6 +88,7 @@ class MeshShareSink : public MeshFileSink {
     record.indices = static_cast<std::uint32_t>(batch.triangles.size());
     record.shared = static_cast<std::uint32_t>(batch.shared.size());
     record.transition_indices = static_cast<std::uint32_t>(batch.transition_indices);
+    record.cap_indices = static_cast<std::uint32_t>(batch.cap_indices);
     record.cells = batch.cells;
     record.transition_cells = batch.transition_cells;
     BytePointer to(bytes.data() + sizeof record);

@@ -31,7 +31,7 @@ struct Header {
   std::uint64_t file_bytes;
   std::uint32_t number, of;                // ShareNumber
   std::uint32_t inside;                    // InsideOf
-  std::uint32_t reserved;                  // 0
+  std::uint32_t has_caps;                  // 0 or 1
   std::uint64_t first_brick, brick_count;  // of the plan, which has all_bricks
   std::uint64_t all_bricks;
   std::uint64_t batches;    // records
@@ -56,10 +56,10 @@ struct BatchRecord {
   std::uint32_t is_uniform;  // 0 or 1
   std::int64_t brick[3];
   std::int64_t origin[3];
-  std::uint32_t positions, indices, shared, transition_indices;
+  std::uint32_t positions, indices, shared, transition_indices, cap_indices, reserved;
   std::uint64_t cells, transition_cells;
 };
-static_assert(sizeof(BatchRecord) == 104);
+static_assert(sizeof(BatchRecord) == 112);
 
 // A MeshBatch::SharedVertex.
 struct SharedRecord {

@@ -15,7 +15,7 @@ BatchGroup::BatchGroup(const Index3& cube) { placed.batch.origin = kCells * cube
 void BatchGroup::add(const PlacedBatch& brick) {
   const MeshBatch& from = brick.batch;
   MeshBatch& to = placed.batch;
-  if (to.triangles.empty()) to.brick = from.brick;
+  if (to.positions.empty()) to.brick = from.brick;
   to.fraction_done = from.fraction_done;
   to.cells += from.cells;
 
@@ -42,13 +42,21 @@ void BatchGroup::add(const PlacedBatch& brick) {
   }
   for (const MeshBatch::SharedVertex& shared : from.shared)
     shared_.find(shared.key)->second.vertex = numbers[shared.vertex];
-  for (const std::uint32_t vertex : from.triangles) to.triangles.push_back(numbers[vertex]);
-  remains.triangles.insert(remains.triangles.end(), brick.remains->triangles.begin(),
-                           brick.remains->triangles.end());
+  const std::size_t first_cap = from.triangles.size() - from.cap_indices;
+  for (std::size_t i = 0; i < from.triangles.size(); ++i)
+    (i < first_cap ? to.triangles : caps_).push_back(numbers[from.triangles[i]]);
+  for (std::size_t t = 0; t < brick.remains->triangles.size(); ++t)
+    (3 * t < first_cap ? remains.triangles : cap_deviations_)
+        .push_back(brick.remains->triangles[t]);
 }
 
 void BatchGroup::close() {
   MeshBatch& batch = placed.batch;
+  batch.cap_indices = caps_.size();
+  batch.triangles.insert(batch.triangles.end(), caps_.begin(), caps_.end());
+  remains.triangles.insert(remains.triangles.end(), cap_deviations_.begin(), cap_deviations_.end());
+  caps_.clear();
+  cap_deviations_.clear();
   is_seam.assign(batch.positions.size(), 0);
   for (const auto& [key, shared] : shared_) {
     is_seam[shared.vertex] = 1;
@@ -63,7 +71,8 @@ void BatchGroup::close() {
 std::uint64_t BatchGroup::bytes() const {
   constexpr std::uint64_t kBytesOfShared = 48;  // with its node and bucket
   return placed.batch.bytes() + remains.vertices.size() * sizeof(SimplifyRemains::Vertex) +
-         remains.triangles.size() * sizeof(Deviation) + shared_.size() * kBytesOfShared;
+         remains.triangles.size() * sizeof(Deviation) + shared_.size() * kBytesOfShared +
+         caps_.size() * (sizeof(std::uint32_t) + sizeof(Deviation) / 3);
 }
 
 GroupSorter::Groups GroupSorter::add(const PlacedBatch& brick) {
@@ -77,7 +86,7 @@ GroupSorter::Groups GroupSorter::add(const PlacedBatch& brick) {
   open_bytes_ -= group->second->bytes();
   group->second->add(brick);
   open_bytes_ += group->second->bytes();
-  if (group->second->placed.batch.triangles.size() / 3 > kMostTriangles) close(group, closed);
+  if (group->second->triangles() > kMostTriangles) close(group, closed);
   while (open_bytes_ > kMostOpenBytes) close(open_.begin(), closed);
   return closed;
 }

@@ -27,6 +27,7 @@ class BatchGroup {
   void add(const PlacedBatch& brick);
   // After the last one: vertices that no other batch has are not shared any more.
   void close();
+  std::size_t triangles() const { return (placed.batch.triangles.size() + caps_.size()) / 3; }
   // Bytes that it takes in memory, about.
   std::uint64_t bytes() const;
 
@@ -41,6 +42,9 @@ class BatchGroup {
     std::uint32_t seen = 0;     // batches that had it
   };
   std::unordered_map<EdgeKey, Shared> shared_;
+  // Of caps, which come behind all other triangles.
+  RawVector<std::uint32_t> caps_;
+  RawVector<Deviation> cap_deviations_;
 };
 
 // Puts bricks into groups. These and their order depend on the bricks alone, which come in the

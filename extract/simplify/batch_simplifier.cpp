@@ -126,6 +126,35 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
   normals_.assign(batch.normals.begin(), batch.normals.end());
   deviations_.assign(table_.triangles(), Deviation());
   round_ = 1;
+  findCapPlanes(batch);
+}
+
+void BatchSimplifier::findCapPlanes(const MeshBatch& batch) {
+  cap_planes_.clear();
+  if (batch.cap_indices == 0) return;
+  cap_planes_.resize(vertices_.size());
+  for (std::size_t i = batch.triangles.size() - batch.cap_indices; i < batch.triangles.size();
+       i += 3) {
+    const std::span corners = std::span(batch.triangles).subspan(i, 3);
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto at = [&](std::size_t corner) { return batch.positions[corners[corner]][axis]; };
+      if (at(0) != at(1) || at(0) != at(2)) continue;
+      for (const std::uint32_t v : corners) cap_planes_[v] |= static_cast<std::uint8_t>(1u << axis);
+    }
+  }
+}
+
+bool BatchSimplifier::keepInCapPlanes(std::span<const std::uint32_t> joined, glm::vec3& voxels) {
+  if (cap_planes_.empty()) return true;
+  unsigned kept = 0;
+  for (const std::uint32_t v : joined)
+    for (int axis = 0; axis < 3; ++axis) {
+      if ((cap_planes_[v] >> axis & 1) == 0) continue;
+      if ((kept >> axis & 1) != 0 && voxels[axis] != voxels_[v][axis]) return false;
+      voxels[axis] = voxels_[v][axis];
+      kept |= 1u << axis;
+    }
+  return true;
 }
 
 // Each triangle counts a third at each of its vertices.
@@ -178,7 +207,9 @@ void BatchSimplifier::collapseStar(std::uint32_t corner) {
   if (!(sum.valueAt(best) <=
         kMostMeanSquareOfStar * space_.distance * space_.distance * sum.weight))
     return;
-  const glm::vec3 voxels = voxelsOf(center.position + best), place = positionOf(voxels);
+  glm::vec3 voxels = voxelsOf(center.position + best);
+  if (!keepInCapPlanes(inner, voxels)) return;
+  const glm::vec3 place = positionOf(voxels);
   if (!region_.findAroundStar(table_) || !mayCollapse(place)) return;
   for (const std::uint32_t arm : inner.subspan(1)) {
     normals_[inner[0]] += normals_[arm];
@@ -295,8 +326,11 @@ bool BatchSimplifier::collapseEdge(std::uint32_t corner, const MeshBatch& batch)
   Quadric quadric = gone.quadric;
   quadric.moveCenter(-to_gone);
   quadric += kept.quadric;
-  const glm::vec3 voxels =
+  glm::vec3 voxels =
       kept.is_fixed ? voxels_[kept_vertex] : voxelsOf(kept.position + bestPlace(quadric, to_gone));
+  const std::array joined = {gone_vertex, kept_vertex};
+  if (!keepInCapPlanes(joined, voxels) || (kept.is_fixed && voxels != voxels_[kept_vertex]))
+    return false;
   const glm::vec3 place = positionOf(voxels);
   if (!region_.findEdge(table_, corner, kept.is_fixed)) return false;
   if (kept.is_fixed && !keepsOthersApart(corner, batch)) return false;
@@ -350,6 +384,8 @@ bool BatchSimplifier::mayCollapse(const glm::vec3& place) {
 }
 
 void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& voxels) {
+  for (int i = 0; i < region_.inner && !cap_planes_.empty(); ++i)
+    cap_planes_[vertex] |= cap_planes_[region_.vertices[CollapseRegion::kFirstInner + i]];
   region_.replace(table_, vertex);
   voxels_[vertex] = voxels;
   vertices_[vertex].position = positionOf(voxels);
@@ -441,6 +477,8 @@ bool BatchSimplifier::becomesNeighbour(std::uint32_t corner, const MeshBatch& ba
   constexpr int kGone = CollapseRegion::kFirstInner, kKept = kGone + 1;
   if (!region_.findBorder(table_, corner, first) || !keepsBordersApart(batch)) return false;
   const std::uint32_t gone_vertex = region_.vertices[kGone], kept_vertex = region_.vertices[kKept];
+  if (!cap_planes_.empty() && (cap_planes_[gone_vertex] & ~cap_planes_[kept_vertex]) != 0)
+    return false;
   Vertex &gone = vertices_[gone_vertex], &kept = vertices_[kept_vertex];
   const glm::vec3 was = std::exchange(gone.position, place);
   const bool may_collapse = mayCollapse(kept.position);
@@ -507,12 +545,16 @@ bool BatchSimplifier::narrowAroundCrossings(const MeshBatch& batch, float reach)
 }
 
 void BatchSimplifier::write(MeshBatch& batch) {
-  std::size_t corners = 0;
-  for (std::uint32_t t = 0; t < table_.triangles(); ++t)
+  const auto first_cap = table_.triangles() - static_cast<std::uint32_t>(batch.cap_indices / 3);
+  std::size_t corners = 0, before_caps = 0;
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
+    if (t == first_cap) before_caps = corners;
     for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end && table_.isAlive(t);
          ++c)
       batch.triangles[corners++] = table_.vertex(c);
+  }
   batch.triangles.resize(corners);
+  if (batch.cap_indices > 0) batch.cap_indices = corners - before_caps;
   for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
     if (touched_[v] == 0 || vertices_[v].is_fixed) continue;
     batch.positions[v] = voxels_[v];

@@ -5,6 +5,7 @@
 #include <glm/common.hpp>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
+#include <span>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -80,6 +81,10 @@ class BatchSimplifier {
   void collapseAll(const SimplifySpace& space, const CancelFlag* cancel, const MeshBatch& batch,
                    const Start& start);
   void begin(const SimplifySpace& space, const MeshBatch& batch);
+  void findCapPlanes(const MeshBatch& batch);
+  // Vertices of caps stay in the planes of these: moves the place at which vertices become one
+  // there. False if they lie in different ones.
+  bool keepInCapPlanes(std::span<const std::uint32_t> joined, glm::vec3& voxels);
   void addPlanes();
   // Finds triangles that cross each other or have no area, and halves the distance twice for what
   // was within `reach` of them, in the space. False if there was nothing to halve.
@@ -143,9 +148,10 @@ class BatchSimplifier {
   std::vector<glm::vec3> voxels_;  // of vertices: their places
   // Of vertices: how often the distance was divided there. At kMostNarrowings they stay.
   std::vector<std::uint8_t> narrowings_, next_narrowings_;
-  std::vector<std::uint32_t> touched_;  // of vertices: the round in which it last changed or went
-  std::vector<glm::vec3> normals_;      // of vertices: sums, by area
-  std::vector<Deviation> deviations_;   // of triangles
+  std::vector<std::uint32_t> touched_;    // of vertices: the round in which it last changed or went
+  std::vector<glm::vec3> normals_;        // of vertices: sums, by area
+  std::vector<std::uint8_t> cap_planes_;  // of vertices, bit `axis`; none if there are no caps
+  std::vector<Deviation> deviations_;     // of triangles
   std::vector<Candidate> candidates_, sorted_;
   std::vector<std::uint32_t> to_cost_;  // edges without a cost: a corner that faces each
   std::vector<std::uint32_t> numbers_;

@@ -24,14 +24,17 @@ std::uint32_t labelComponents(const MeshBatch& batch, std::vector<std::uint32_t>
 
 bool keepComponents(MeshBatch& batch, std::vector<std::uint32_t>& labels,
                     const std::vector<std::uint8_t>& is_kept) {
-  std::size_t kept = 0;
+  const std::size_t first_cap = batch.triangles.size() - batch.cap_indices;
+  std::size_t kept = 0, kept_caps = 0;
   for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
     if (is_kept[labels[batch.triangles[i]]] == 0) continue;
+    kept_caps += i >= first_cap ? 3 : 0;
     for (std::size_t corner = 0; corner < 3; ++corner)
       batch.triangles[kept++] = batch.triangles[i + corner];
   }
   if (kept == batch.triangles.size()) return false;
   batch.triangles.resize(kept);
+  batch.cap_indices = kept_caps;
   batch.transition_indices = 0;
   dropUnusedVertices(batch, labels);
   return true;

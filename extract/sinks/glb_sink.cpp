@@ -20,7 +20,7 @@ namespace {
 class GlbSink : public NumberedSink {
  public:
   GlbSink(const std::string& path, const MeshFileOptions& options)
-      : NumberedSink(path, options), indices_(path, "indices") {}
+      : NumberedSink(path, options), indices_(path, "indices"), cap_indices_(path, "caps") {}
 
   void begin(const MeshFrame& frame) override {
     NumberedSink::begin(frame);
@@ -36,12 +36,17 @@ class GlbSink : public NumberedSink {
     placed.bytes.resize(placed.batch.triangles.size() * sizeof(std::uint32_t));
     BytePointer to(placed.bytes.data());
     for (const std::uint32_t corner : placed.batch.triangles) to.put(placed.numbers[corner]);
-    indices_.pwrite(placed.bytes.data(), placed.bytes.size(),
-                    placed.first_triangle * kTriangleBytes);
+    const std::size_t cap_bytes = placed.batch.cap_indices * sizeof(std::uint32_t);
+    const std::size_t surface_bytes = placed.bytes.size() - cap_bytes;
+    indices_.pwrite(placed.bytes.data(), surface_bytes,
+                    (placed.first_triangle - placed.first_cap) * kTriangleBytes);
+    cap_indices_.pwrite(placed.bytes.data() + surface_bytes, cap_bytes,
+                        placed.first_cap * kTriangleBytes);
   }
   void finish() override {
     file_.continueFrom(kBinOffset + vertices() * vertexBytes());
-    indices_.appendTo(file_, triangles_ * kTriangleBytes, options_.cancel);
+    indices_.appendTo(file_, (triangles_ - caps_) * kTriangleBytes, options_.cancel);
+    cap_indices_.appendTo(file_, caps_ * kTriangleBytes, options_.cancel);
     if (triangles_ == 0) {  // the chunk of data is left out: no buffer may be empty
       file_.continueFrom(kBinOffset - 8);
       file_.cutAfterPosition();
@@ -83,6 +88,9 @@ class GlbSink : public NumberedSink {
     greatest_ = glm::max(greatest_, greatest);
   }
 
+  // Behind those of the triangles.
+  std::string valueAccessor() const { return caps_ > 0 && caps_ < triangles_ ? "4" : "3"; }
+
   std::string makeHeader() const { return glbHeader(makeJson(), kJsonBytes, binBytes()); }
 
   std::string makeJson() const {
@@ -95,15 +103,31 @@ class GlbSink : public NumberedSink {
                     R"(,"componentType":5126,"count":)", std::to_string(vertices()), R"(,"type":")",
                     type, "\"", rest, "}");
     };
+    // The surface's triangles, and those of caps, each if there are any.
+    std::string primitives, accessors;
+    std::size_t next_accessor = 2;
+    const auto addTriangles = [&](std::uint64_t first, std::uint64_t count, const char* material) {
+      if (count == 0) return;
+      const std::string value =
+          hasAttribute() ? joined(R"(,")", gltfAttribute(options_), R"(":)", valueAccessor()) : "";
+      primitives +=
+          joined(primitives.empty() ? "" : ",", R"({"attributes":{"POSITION":0,"NORMAL":1)", value,
+                 R"(},"indices":)", std::to_string(next_accessor), R"(,"mode":4,"material":)",
+                 material, "}");
+      accessors += joined(
+          R"(,{"bufferView":1,)",
+          first == 0 ? "" : joined(R"("byteOffset":)", std::to_string(first * kTriangleBytes), ","),
+          R"("componentType":5125,"count":)", std::to_string(3 * count), R"(,"type":"SCALAR"})");
+      ++next_accessor;
+    };
+    addTriangles(0, triangles_ - caps_, "0");
+    addTriangles(triangles_ - caps_, caps_, "1");
     return joined(
-        head, gltfNode(center_),
-        R"(,"meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1)",
-        hasAttribute() ? joined(R"(,")", gltfAttribute(options_), R"(":3)") : "",
-        R"(},"indices":2,"mode":4,"material":0}]}],)", kGltfMaterials, R"(,"accessors":[)",
+        head, gltfNode(center_), R"(,"meshes":[{"primitives":[)", primitives, "]}],",
+        gltfMaterials(frame_), R"(,"accessors":[)",
         attribute(0, "VEC3",
                   joined(R"(,"min":)", arrayText(least_), R"(,"max":)", arrayText(greatest_))),
-        ",", attribute(12, "VEC3", ""), R"(,{"bufferView":1,"componentType":5125,"count":)",
-        std::to_string(3 * triangles_), R"(,"type":"SCALAR"})",
+        ",", attribute(12, "VEC3", ""), accessors,
         hasAttribute() ? joined(",", attribute(24, "SCALAR", "")) : "",
         R"(],"bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":)", vertex_bytes,
         R"(,"byteStride":)", std::to_string(vertexBytes()),
@@ -112,7 +136,7 @@ class GlbSink : public NumberedSink {
         R"(,"target":34963}],"buffers":[{"byteLength":)", std::to_string(binBytes()), "}]}");
   }
 
-  SideFile indices_;
+  SideFile indices_, cap_indices_;
   glm::dvec3 center_{0.0};
   std::mutex bounds_mutex_;
   glm::vec3 least_{std::numeric_limits<float>::infinity()};

@@ -35,9 +35,16 @@ inline std::string_view gltfAttribute(const MeshFileOptions& options) {
 std::string gltfAsset(const MeshFrame& frame);
 // The rest of "scenes":[ and "nodes":[...] of one mesh that was moved by -center.
 std::string gltfNode(const glm::dvec3& center);
-inline constexpr std::string_view kGltfMaterials =
-    R"("materials":[{"doubleSided":true,"pbrMetallicRoughness":)"
-    R"({"metallicFactor":0,"roughnessFactor":0.8}}])";
+// "materials":[...]: that of the surface and, if there are any, that of caps.
+inline std::string_view gltfMaterials(const MeshFrame& frame) {
+  if (frame.has_caps)
+    return R"("materials":[{"name":"surface","doubleSided":true,"pbrMetallicRoughness":)"
+           R"({"metallicFactor":0,"roughnessFactor":0.8}},)"
+           R"({"name":"cap","doubleSided":true,"pbrMetallicRoughness":)"
+           R"({"baseColorFactor":[0.8,0.45,0.3,1],"metallicFactor":0,"roughnessFactor":0.8}}])";
+  return R"("materials":[{"doubleSided":true,"pbrMetallicRoughness":)"
+         R"({"metallicFactor":0,"roughnessFactor":0.8}}])";
+}
 
 // All that comes before the bytes of the chunk of data: the JSON is filled up with spaces to
 // `json_bytes`, a multiple of 4. Without data that chunk is left out: no buffer may be empty.

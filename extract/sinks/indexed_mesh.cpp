@@ -23,6 +23,8 @@ void IndexedMeshSink::place(PlacedBatch& placed) {
   for (const std::uint32_t v : batch.triangles) mesh_.triangles.push_back(placed.numbers[v]);
   mesh_.triangle_levels.insert(mesh_.triangle_levels.end(), batch.triangles.size() / 3,
                                static_cast<std::uint8_t>(batch.level));
+  mesh_.triangle_caps.resize(mesh_.triangle_levels.size() - batch.cap_indices / 3, 0);
+  mesh_.triangle_caps.resize(mesh_.triangle_levels.size(), 1);
 }
 
 }  // namespace isobrick

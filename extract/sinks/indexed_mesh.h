@@ -11,6 +11,7 @@ struct IndexedMesh {
   std::vector<glm::vec3> normals;             // unit, outward
   std::vector<std::uint32_t> triangles;       // three indices each, winding as in MeshBatch
   std::vector<std::uint8_t> triangle_levels;  // pyramid level of each triangle
+  std::vector<std::uint8_t> triangle_caps;    // 1 for each that is a cap (Query::cap), 0 for others
 };
 
 // Collects a mesh. Throws Error beyond 2^32 - 1 vertices.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/vec4.hpp>
+#include <span>
 
 #include "isobrick/extract/sinks/gltf_text.h"
 
@@ -35,11 +36,12 @@ std::vector<T> allOf(const std::vector<MeshoptPiece>& pieces,
   return all;
 }
 
-std::vector<std::uint32_t> allTriangles(const std::vector<MeshoptPiece>& pieces) {
+std::vector<std::uint32_t> allTriangles(const std::vector<MeshoptPiece>& pieces,
+                                        std::vector<std::uint32_t> MeshoptPiece::*triangles) {
   std::vector<std::uint32_t> all;
   std::uint32_t first = 0;
   for (const MeshoptPiece& piece : pieces) {
-    for (const std::uint32_t corner : piece.triangles) all.push_back(first + corner);
+    for (const std::uint32_t corner : piece.*triangles) all.push_back(first + corner);
     first += static_cast<std::uint32_t>(piece.positions.size());
   }
   return all;
@@ -60,9 +62,11 @@ class ChunkPacker {
     meshopt_encodeFilterOct(shorts.data(), count, 8, kNormalBits, &units[0].x);
     addVertices(PackedChunk::kNormals, shorts.data(), count, 8);
   }
-  void addTriangles(const std::vector<std::uint32_t>& corners, std::size_t vertices) {
+  void addTriangles(PackedChunk::View view, std::span<const std::uint32_t> corners,
+                    std::size_t vertices) {
+    if (corners.empty()) return;
     buffer_.resize(meshopt_encodeIndexBufferBound(corners.size(), vertices));
-    add(PackedChunk::kTriangles, corners.size(), sizeof(std::uint32_t),
+    add(view, corners.size(), sizeof(std::uint32_t),
         meshopt_encodeIndexBuffer(buffer_.data(), buffer_.size(), corners.data(), corners.size()));
   }
   PackedChunk take() { return std::move(packed_); }
@@ -82,10 +86,11 @@ class ChunkPacker {
 // Triangles that share corners come together, vertices in the order in which triangles use them.
 class Arrangement {
  public:
-  Arrangement(std::span<const std::uint32_t> triangles, std::size_t vertices)
-      : corners_(triangles.size()), places_(vertices) {
-    meshopt_optimizeVertexCacheFifo(corners_.data(), triangles.data(), triangles.size(), vertices,
-                                    kCacheSize);
+  Arrangement(std::span<const std::uint32_t> surface, std::span<const std::uint32_t> caps,
+              std::size_t vertices)
+      : corners_(surface.size() + caps.size()), surface_(surface.size()), places_(vertices) {
+    optimize(surface, corners_.data());
+    optimize(caps, corners_.data() + surface_);
     count_ = meshopt_optimizeVertexFetchRemap(places_.data(), corners_.data(), corners_.size(),
                                               vertices);
     meshopt_remapIndexBuffer(corners_.data(), corners_.data(), corners_.size(), places_.data());
@@ -95,11 +100,19 @@ class Arrangement {
     meshopt_remapVertexBuffer(attribute.data(), attribute.data(), attribute.size(), sizeof(T),
                               places_.data());
   }
-  const std::vector<std::uint32_t>& corners() const { return corners_; }
+  std::span<const std::uint32_t> surface() const { return std::span(corners_).first(surface_); }
+  std::span<const std::uint32_t> caps() const { return std::span(corners_).subspan(surface_); }
   std::size_t vertices() const { return count_; }  // that triangles use
 
  private:
-  std::vector<std::uint32_t> corners_, places_;
+  void optimize(std::span<const std::uint32_t> triangles, std::uint32_t* corners) const {
+    meshopt_optimizeVertexCacheFifo(corners, triangles.data(), triangles.size(), places_.size(),
+                                    kCacheSize);
+  }
+
+  std::vector<std::uint32_t> corners_;  // of the surface, then of caps
+  std::size_t surface_;
+  std::vector<std::uint32_t> places_;
   std::size_t count_ = 0;
 };
 
@@ -133,9 +146,10 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   std::vector<glm::i32vec3> positions = allOf(pieces, &MeshoptPiece::positions);
   std::vector<glm::vec3> normals = allOf(pieces, &MeshoptPiece::normals);
   std::vector<float> values = allOf(pieces, &MeshoptPiece::values);
-  const std::vector<std::uint32_t> triangles = allTriangles(pieces);
 
-  const Arrangement arrangement(triangles, positions.size());
+  const std::vector<std::uint32_t> surface = allTriangles(pieces, &MeshoptPiece::triangles),
+                                   caps = allTriangles(pieces, &MeshoptPiece::caps);
+  const Arrangement arrangement(surface, caps, positions.size());
   const std::size_t count = arrangement.vertices();
   arrangement.rearrange(positions);
   arrangement.rearrange(normals);
@@ -157,7 +171,8 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
 
   packer.addNormals(normals, count);
   if (!values.empty()) packer.addVertices(PackedChunk::kValues, values.data(), count, 4);
-  packer.addTriangles(arrangement.corners(), count);
+  packer.addTriangles(PackedChunk::kTriangles, arrangement.surface(), count);
+  packer.addTriangles(PackedChunk::kCaps, arrangement.caps(), count);
   PackedChunk packed = packer.take();
   // Exact: a float has 24 bits.
   packed.least = glm::vec3(glm::dvec3(least) * lattice.step());
@@ -168,14 +183,14 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
 PackedChunk packShortChunk(std::vector<ShortPosition> positions, std::vector<glm::vec3> normals,
                            std::span<const std::uint32_t> triangles) {
   chooseIndexVersion();
-  const Arrangement arrangement(triangles, positions.size());
+  const Arrangement arrangement(triangles, {}, positions.size());
   arrangement.rearrange(positions);
   arrangement.rearrange(normals);
   ChunkPacker packer;
   packer.addVertices(PackedChunk::kPositions, positions.data(), arrangement.vertices(),
                      sizeof(ShortPosition));
   packer.addNormals(normals, arrangement.vertices());
-  packer.addTriangles(arrangement.corners(), arrangement.vertices());
+  packer.addTriangles(PackedChunk::kTriangles, arrangement.surface(), arrangement.vertices());
   return packer.take();
 }
 

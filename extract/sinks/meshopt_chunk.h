@@ -31,20 +31,20 @@ struct PositionLattice {
 
 // The part of a chunk that one batch adds.
 struct MeshoptPiece {
-  std::vector<glm::i32vec3> positions;  // on the lattice
-  std::vector<glm::vec3> normals;       // one a position
-  std::vector<float> values;            // likewise, or none
-  std::vector<std::uint32_t> triangles;
+  std::vector<glm::i32vec3> positions;         // on the lattice
+  std::vector<glm::vec3> normals;              // one a position
+  std::vector<float> values;                   // likewise, or none
+  std::vector<std::uint32_t> triangles, caps;  // three indices each
 };
 
 // Its bytes are the packed views one after the other, each padded to 4 bytes.
 struct PackedChunk {
-  enum View { kPositions, kNormals, kValues, kTriangles, kViews };
+  enum View { kPositions, kNormals, kValues, kTriangles, kCaps, kViews };
   // As the extension counts them: elements of the view, bytes of one, and packed bytes.
   struct ViewSize {
     std::uint64_t count = 0, stride = 0, offset = 0, bytes = 0;
   };
-  std::array<ViewSize, kViews> views;  // count 0: there are no values
+  std::array<ViewSize, kViews> views;  // count 0: there are none
   std::vector<std::byte> bytes;
   glm::vec3 least{0.0f}, greatest{0.0f};  // of positions from the center
 };

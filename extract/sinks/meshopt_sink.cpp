@@ -89,7 +89,9 @@ class MeshoptSink : public NumberedSink {
     piece.positions.reserve(placed.world.size());
     for (const glm::dvec3& world : placed.world) piece.positions.push_back(lattice_.nearest(world));
     piece.normals.assign(batch.normals.begin(), batch.normals.end());
-    piece.triangles.assign(batch.triangles.begin(), batch.triangles.end());
+    const auto caps = batch.triangles.end() - static_cast<std::ptrdiff_t>(batch.cap_indices);
+    piece.triangles.assign(batch.triangles.begin(), caps);
+    piece.caps.assign(caps, batch.triangles.end());
     if (!hasAttribute()) return piece;
     piece.values = placed.values;
     for (float& value : piece.values)
@@ -138,20 +140,24 @@ class MeshoptSink : public NumberedSink {
     const std::string values =
         has_values ? accessor(PackedChunk::kValues, R"(,"componentType":5126,"type":"SCALAR"})")
                    : "";
-    const std::string triangles =
-        accessor(PackedChunk::kTriangles, R"(,"componentType":5125,"type":"SCALAR"})");
-    primitives_ += joined(
-        primitives_.empty() ? "" : ",", R"({"attributes":{"POSITION":)", positions, R"(,"NORMAL":)",
-        normals, has_values ? joined(R"(,")", gltfAttribute(options_), R"(":)", values) : "",
-        R"(},"indices":)", triangles, R"(,"mode":4,"material":0})");
+    for (const auto& [kind, material] :
+         {std::pair(PackedChunk::kTriangles, "0"), std::pair(PackedChunk::kCaps, "1")}) {
+      if (chunk.views[kind].count == 0) continue;
+      const std::string triangles = accessor(kind, R"(,"componentType":5125,"type":"SCALAR"})");
+      primitives_ +=
+          joined(primitives_.empty() ? "" : ",", R"({"attributes":{"POSITION":)", positions,
+                 R"(,"NORMAL":)", normals,
+                 has_values ? joined(R"(,")", gltfAttribute(options_), R"(":)", values) : "",
+                 R"(},"indices":)", triangles, R"(,"mode":4,"material":)", material, "}");
+    }
   }
 
   std::size_t addView(const PackedChunk& chunk, PackedChunk::View kind) {
     const PackedChunk::ViewSize& view = chunk.views[kind];
     constexpr const char* kModes[] = {R"("ATTRIBUTES","filter":"EXPONENTIAL")",
                                       R"("ATTRIBUTES","filter":"OCTAHEDRAL")", R"("ATTRIBUTES")",
-                                      R"("TRIANGLES")"};
-    const bool is_triangles = kind == PackedChunk::kTriangles;
+                                      R"("TRIANGLES")", R"("TRIANGLES")"};
+    const bool is_triangles = kind == PackedChunk::kTriangles || kind == PackedChunk::kCaps;
     const std::string stride = joined(R"(,"byteStride":)", std::to_string(view.stride));
     std::uint64_t& unpacked = unpacked_bytes_.back();
     views_ += joined(
@@ -177,7 +183,7 @@ class MeshoptSink : public NumberedSink {
                         R"(,"extensions":{"EXT_meshopt_compression":{"fallback":true}}})");
     return joined(head, R"(,"extensionsUsed":)", extensions, R"(,"extensionsRequired":)",
                   extensions, R"(,"scene":0,"scenes":[)", gltfNode(lattice_.center),
-                  R"(,"meshes":[{"primitives":[)", primitives_, "]}],", kGltfMaterials,
+                  R"(,"meshes":[{"primitives":[)", primitives_, "]}],", gltfMaterials(frame_),
                   R"(,"accessors":[)", accessors_, R"(],"bufferViews":[)", views_,
                   R"(],"buffers":)", buffers, "]}");
   }

@@ -27,7 +27,9 @@ void NumberedMesh::place(PlacedBatch& placed) {
                     "surface or a coarser level",
                 {.path = path_});
   placed.first_triangle = triangles_;
+  placed.first_cap = caps_;
   triangles_ += placed.batch.triangles.size() / 3;
+  caps_ += placed.batch.cap_indices / 3;
 }
 
 template <typename ForEach>

@@ -34,6 +34,10 @@ class NumberedMesh : public MeshFileSink {
   void findVertices(PlacedBatch& placed) const;
   // The same for all vertices of the batch.
   void findAllVertices(PlacedBatch& placed) const;
+  // The place of the first index of a cap among the batch's triangles.
+  static std::size_t firstCapIndex(const MeshBatch& batch) {
+    return batch.triangles.size() - batch.cap_indices;
+  }
   // Calls f(v) for the index in the batch of every new vertex, in their order.
   template <typename F>
   static void forEachNew(const PlacedBatch& placed, F&& f) {
@@ -53,6 +57,7 @@ class NumberedMesh : public MeshFileSink {
   MeshFrame frame_;
   bool double_precision_ = false;  // floats would not separate crossings
   std::uint64_t triangles_ = 0;
+  std::uint64_t caps_ = 0;  // those of them that are caps
 
  private:
   // `for_each` calls its argument with the index of every vertex that is wanted.

@@ -92,6 +92,10 @@ class ObjSink : public NumberedSink {
     const std::vector<std::uint32_t>& numbers = placed.numbers;
     const auto& corners = placed.batch.triangles;
     for (std::size_t i = 0; i < corners.size(); i += 3) {
+      if (frame_.has_caps && i == firstCapIndex(placed.batch))
+        to.put(kCapGroup);
+      else if (frame_.has_caps && i == 0)
+        to.put(kSurfaceGroup);
       to.put("f");
       for (std::size_t c = i; c < i + 3; ++c)
         to.putCorner(std::uint64_t{numbers[corners[c]]} + 1, cornerWidth(placed));
@@ -105,6 +109,9 @@ class ObjSink : public NumberedSink {
   }
 
  private:
+  // The groups of caps and of other triangles, if there are caps.
+  static constexpr std::string_view kCapGroup = "g cap\n", kSurfaceGroup = "g surface\n";
+
   // Always as long.
   std::string makeHeader() const {
     const auto padded = [](std::uint64_t count) {
@@ -125,7 +132,13 @@ class ObjSink : public NumberedSink {
     const std::size_t position = 3 * (1 + (double_precision_ ? kDoubleWidth : kFloatWidth)) + 2;
     const std::size_t normal = 3 * (1 + kFloatWidth) + 3;
     const std::size_t face = 3 * (1 + cornerWidth(placed)) + 2;
-    return newVertices(placed) * (position + normal) + placed.batch.triangles.size() / 3 * face;
+    std::size_t groups = 0;
+    if (frame_.has_caps) {
+      groups += firstCapIndex(placed.batch) > 0 ? kSurfaceGroup.size() : 0;
+      groups += placed.batch.cap_indices > 0 ? kCapGroup.size() : 0;
+    }
+    return newVertices(placed) * (position + normal) + placed.batch.triangles.size() / 3 * face +
+           groups;
   }
 
   std::uint64_t next_byte_ = 0;

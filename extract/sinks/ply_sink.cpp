@@ -18,14 +18,14 @@ class PlySink : public NumberedSink {
   }
   void finish() override {
     file_.continueFrom(kHeaderBytes + vertices() * vertexBytes());
-    faces_.appendTo(file_, triangles_ * kFaceBytes, options_.cancel);
+    faces_.appendTo(file_, triangles_ * faceBytes(), options_.cancel);
     publish(makeHeader());
   }
 
  private:
   static constexpr std::size_t kHeaderBytes = 512;
-  static constexpr std::size_t kFaceBytes = 14;
 
+  std::size_t faceBytes() const { return frame_.has_caps ? 15 : 14; }
   std::size_t vertexBytes() const {
     return (double_precision_ ? 36u : 24u) + (hasAttribute() ? 4u : 0u);
   }
@@ -56,13 +56,15 @@ class PlySink : public NumberedSink {
   void writeFaces(PlacedBatch& placed) {
     const MeshBatch& batch = placed.batch;
     findNumbers(placed);
-    placed.bytes.resize(batch.triangles.size() / 3 * kFaceBytes);
+    placed.bytes.resize(batch.triangles.size() / 3 * faceBytes());
     BytePointer to(placed.bytes.data());
-    for (std::size_t i = 0; i < batch.triangles.size(); i += 3)
+    for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
       to.put(std::uint8_t{3}, placed.numbers[batch.triangles[i]],
              placed.numbers[batch.triangles[i + 1]], placed.numbers[batch.triangles[i + 2]],
              static_cast<std::uint8_t>(batch.level));
-    faces_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle * kFaceBytes);
+      if (frame_.has_caps) to.put(static_cast<std::uint8_t>(i >= firstCapIndex(batch) ? 1 : 0));
+    }
+    faces_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle * faceBytes());
   }
 
   // Always kHeaderBytes long: a comment fills the rest.
@@ -81,7 +83,8 @@ class PlySink : public NumberedSink {
     else if (options_.values != nullptr)
       rest += "property float value\n";
     rest += "element face " + std::to_string(triangles_) +
-            "\nproperty list uchar uint vertex_indices\nproperty uchar level\nend_header\n";
+            "\nproperty list uchar uint vertex_indices\nproperty uchar level\n" +
+            (frame_.has_caps ? "property uchar cap\n" : "") + "end_header\n";
     const std::string prefix = "comment ";
     const std::size_t fill = kHeaderBytes - head.size() - rest.size() - prefix.size() - 1;
     return head + prefix + std::string(fill, '.') + "\n" + rest;

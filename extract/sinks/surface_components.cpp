@@ -161,7 +161,8 @@ struct ComponentFinder::Joined {
 };
 
 ComponentFinder::ComponentFinder(const Query& query, ComponentPoints points)
-    : is_cut_(query.box || (!query.region.isEverywhere() && !query.cap)),
+    : is_capped_(query.cap),
+      is_cut_((query.box || !query.region.isEverywhere()) && !query.cap),
       points_(std::move(points)) {}
 ComponentFinder::~ComponentFinder() = default;
 
@@ -224,8 +225,8 @@ void ComponentFinder::write(PlacedBatch& placed) {
     ComponentPart& part = parts[placed.numbers[v]];
     part.lower = glm::min(part.lower, placed.world[v]);
     part.upper = glm::max(part.upper, placed.world[v]);
-    part.has_border |=
-        glm::any(glm::equal(voxel, glm::dvec3(0.0))) || glm::any(glm::equal(voxel, last));
+    part.has_border |= !is_capped_ && (glm::any(glm::equal(voxel, glm::dvec3(0.0))) ||
+                                       glm::any(glm::equal(voxel, last)));
   }
   for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
     const glm::dvec3& a = placed.world[batch.triangles[i]];

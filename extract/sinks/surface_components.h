@@ -20,7 +20,8 @@ struct SurfaceComponent {
   std::uint64_t triangles = 0;  // of the mesh
   double area = 0;              // world units^2
   // Enclosed, world units^3: below 0 for the wall of a hollow. None if the component has a border,
-  // as it reaches the border of the volume or of the query's box.
+  // as it reaches the border of the volume or of the query's box and Query::cap is not set, or if
+  // there are voxels without data.
   std::optional<double> volume;
   // The same with the border of the volume as a wall where it is open there: of its two sides the
   // lesser. None if a box cuts the surface.
@@ -95,7 +96,8 @@ class ComponentFinder : public TriangleSink {
 
  private:
   struct Joined;
-  bool is_cut_;  // by a box or a region, or open beside voxels without data
+  bool is_capped_;  // in the border of the volume, of a box or of a region
+  bool is_cut_;     // by a box or a region, or open beside voxels without data
   ComponentPoints points_;
   MeshFrame frame_;
   WorldPlacement placement_;

@@ -16,6 +16,7 @@
 namespace isobrick {
 
 // Identifies a crossing among all levels: the voxel position of its edge's lower end and the axis.
+// Axis 3 is none: the lattice point itself, a corner of a cap.
 //
 //   bit 63 62   61 .. 42   41 .. 22   21 .. 2   1 0
 //       0  0    z          y          x         axis
@@ -79,7 +80,8 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the outside
   std::vector<SharedVertex> shared;    // ascending in `vertex`
-  // The last so many of `triangles` are caps (Query::cap).
+  // The last so many of `triangles` are caps (Query::cap), which lie in the border of the volume, of
+  // the query's box or of its region.
   std::size_t cap_indices = 0;
   // The last so many before them belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
@@ -108,6 +110,7 @@ struct MeshFrame {
   Index3 voxels{0};                    // of level 0
   bool has_missing = false;            // voxels without data, beside which the surface is open
   InsideOf inside = InsideOf::kAbove;  // of the query
+  bool has_caps = false;               // Query::cap
 
   // A mesh that a file has elsewhere than in its volume's world.
   struct Placed {
@@ -163,6 +166,7 @@ struct PlacedBatch {
   MeshBatch batch;                   // as it was made
   std::uint64_t first_vertex = 0;    // of the mesh
   std::uint64_t first_triangle = 0;  // likewise
+  std::uint64_t first_cap = 0;       // caps of the mesh before it
   std::uint64_t first_byte = 0;      // of the file, for sinks whose lines differ in length
   // Ascending. All other vertices are new and numbered from first_vertex on, in their order.
   std::vector<KnownVertex> known;

@@ -107,7 +107,8 @@ class VtpSink : public NumberedSink {
         normals_(path, "normals"),
         values_(path, "values"),
         corners_(path, "corners"),
-        levels_(path, "levels") {}
+        levels_(path, "levels"),
+        cap_marks_(path, "caps") {}
 
   void write(PlacedBatch& placed) override {
     writeVertices(placed);
@@ -137,6 +138,7 @@ class VtpSink : public NumberedSink {
     if (hasAttribute()) append(offsets.values, vertices() * kValueBytes, from(values_));
     appendCells(offsets, append);
     append(offsets.levels, triangles_, from(levels_));
+    if (frame_.has_caps) append(offsets.caps, triangles_, from(cap_marks_));
     constexpr std::string_view kEnd = "\n</AppendedData>\n</VTKFile>\n";
     file_.write(kEnd.data(), kEnd.size());
     publish(makeHeader(offsets));
@@ -150,7 +152,8 @@ class VtpSink : public NumberedSink {
 
   // For arrays, in the appended data.
   struct Offsets {
-    std::uint64_t positions = 0, normals = 0, values = 0, corners = 0, ends = 0, levels = 0;
+    std::uint64_t positions = 0, normals = 0, values = 0, corners = 0, ends = 0, levels = 0,
+                  caps = 0;
   };
 
   std::size_t positionBytes() const { return double_precision_ ? 24 : 12; }
@@ -206,6 +209,10 @@ class VtpSink : public NumberedSink {
                     placed.first_triangle * kCornersBytes);
     placed.bytes.assign(batch.triangles.size() / 3, static_cast<std::byte>(batch.level));
     levels_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle);
+    if (!frame_.has_caps) return;
+    placed.bytes.assign(firstCapIndex(batch) / 3, std::byte{0});
+    placed.bytes.resize(batch.triangles.size() / 3, std::byte{1});
+    cap_marks_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle);
   }
 
   // Connectivity, and the end of each cell in it.
@@ -261,6 +268,7 @@ class VtpSink : public NumberedSink {
              ? array(options_.components ? "UInt32" : "Float32", name.c_str(), 1, offsets.values)
              : "") +
         "</PointData>\n<CellData>\n" + array("UInt8", "level", 1, offsets.levels) +
+        (frame_.has_caps ? array("UInt8", "cap", 1, offsets.caps) : "") +
         "</CellData>\n<Points>\n" + array(real, "Points", 3, offsets.positions) +
         "</Points>\n<Polys>\n" + array(index, "connectivity", 1, offsets.corners) +
         array(index, "offsets", 1, offsets.ends) + "</Polys>\n</Piece>\n</PolyData>\n";
@@ -270,7 +278,7 @@ class VtpSink : public NumberedSink {
   }
 
   const std::uint64_t most_narrow_;
-  SideFile positions_, normals_, values_, corners_, levels_;
+  SideFile positions_, normals_, values_, corners_, levels_, cap_marks_;
 };
 
 }  // namespace

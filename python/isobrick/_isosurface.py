@@ -70,9 +70,11 @@ def isosurface(
         the place of the voxels in the world, (x, y, z); images and xarray have their own
     box
         ((x, y, z), (x, y, z)): only cells that overlap it
-    mask, clip, sphere, cap
+    mask, clip, sphere
         only a part of the surface, as in ``Query``: within a mask, such as an array of the volume's shape, on one
-        side of a plane, or within a sphere; closed there with ``cap=True``
+        side of a plane, or within a sphere
+    cap
+        closes the surface at the border of the volume, of the box and where mask, clip and sphere cut, as ``Query.cap``
     simplify
         fewer triangles, within this distance
     drop_small

@@ -60,6 +60,12 @@ class Mesh:
         return self._handle.levels()
 
     @property
+    def caps(self) -> NDArray[np.bool_]:
+        """(m,): whether each triangle closes the surface at the border of the volume or of the box
+        (``Query.cap``)."""
+        return self._handle.caps()
+
+    @property
     def values(self) -> NDArray[np.float32] | None:
         """(n,): of the other pyramid that the query named as ``values``, NaN outside of it; None without one."""
         return self._handle.values()
@@ -88,7 +94,8 @@ class Mesh:
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
     def volume(self) -> float:
-        """Inside of a closed surface, in world units cubed. What the volume's border cuts open is not closed."""
+        """Inside of a closed surface, in world units cubed. What the volume's border cuts open is closed with
+        ``cap=True``."""
         middle = self.points.mean(axis=0, dtype=np.float64) if len(self.points) else 0.0
         a, b, c = (self.points[self.faces[:, i]].astype(np.float64) - middle for i in range(3))
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
@@ -110,7 +117,7 @@ class Mesh:
 
     def to_vtk(self) -> Any:
         """A ``vtkPolyData`` on this memory: points (x, y, z) in world units, with ``Normals``, ``level`` of the
-        cells and, if there are any, ``value``. Takes the package vtk."""
+        cells and, if there are any, ``cap`` of the cells and ``value``. Takes the package vtk."""
         from ._poly_data import poly_data_of
 
         return poly_data_of(self)

@@ -338,7 +338,7 @@ class Pyramid:
         threads
             0: all cores
         **choice
-            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values,
+            of ``Query``: focus, radius, level, view, curvature, or_finer, box, cap, simplify, drop_small, values,
             indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)

@@ -137,7 +137,8 @@ class Query:
     sphere
         only within this sphere, (x, y, z, radius); or several
     cap
-        closes the surface where mask, clip and sphere cut it; of level 0
+        closes the surface where it leaves the volume, mask, clip and sphere (of level 0), or the box, which grows until it cuts no cell: the mesh is
+        that of a solid, and ``Mesh.caps`` says which triangles do so. Beside voxels without data it stays open
     simplify
         fewer triangles, within this distance
     drop_small
@@ -287,6 +288,8 @@ class LevelCounts:
     cells: int
     triangles: int
     transition_cells: int
+    #: Those of its triangles that are caps (``Query.cap``).
+    cap_triangles: int = 0
 
 
 @dataclass(frozen=True)

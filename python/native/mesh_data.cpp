@@ -45,6 +45,7 @@ class PartBatches {
   void fill(const SurfaceMesh::Part& part, MeshBatch& batch) {
     batch.clear();
     batch.level = part.level;
+    batch.cap_indices = static_cast<std::size_t>(3 * part.caps);
     batch.origin = part.origin;
     const auto first = static_cast<std::size_t>(part.first_vertex);
     const auto count = static_cast<std::size_t>(part.vertices);
@@ -109,7 +110,7 @@ void MeshData::filled(const MeshFrame& frame, const ExtractionReport& report,
   frame_ = frame;
   report_ = report;
   values_ = std::move(values);
-  has_points_ = has_levels_ = has_evaluated_ = false;
+  has_points_ = has_levels_ = has_caps_ = has_evaluated_ = false;
 }
 
 const void* MeshData::points() {
@@ -136,6 +137,16 @@ const std::uint8_t* MeshData::levels() {
   for (const SurfaceMesh::Part& part : surface_.parts())
     std::fill_n(data + part.first_triangle, part.triangles, static_cast<std::uint8_t>(part.level));
   has_levels_ = true;
+  return data;
+}
+
+const bool* MeshData::caps() {
+  auto* const data = reinterpret_cast<bool*>(cap_bytes_.room(triangles()));
+  if (has_caps_) return data;
+  std::fill_n(data, triangles(), false);
+  for (const SurfaceMesh::Part& part : surface_.parts())
+    std::fill_n(data + part.first_triangle + part.triangles - part.caps, part.caps, true);
+  has_caps_ = true;
   return data;
 }
 

@@ -53,6 +53,8 @@ class MeshData {
   void indexPoints(double* out) const;
   // The pyramid level of every triangle.
   const std::uint8_t* levels();
+  // Whether each triangle is a cap (Query::cap).
+  const bool* caps();
   bool hasValues() const { return values_ != nullptr; }
   // The values of the field that the mesh was extracted with, one a vertex.
   const float* values();
@@ -65,8 +67,8 @@ class MeshData {
   MeshFrame frame_;
   ExtractionReport report_;
   std::shared_ptr<const VertexValues> values_;
-  RoomyBytes point_bytes_, level_bytes_, value_bytes_;
-  bool has_points_ = false, has_levels_ = false, has_evaluated_ = false;
+  RoomyBytes point_bytes_, level_bytes_, cap_bytes_, value_bytes_;
+  bool has_points_ = false, has_levels_ = false, has_caps_ = false, has_evaluated_ = false;
 };
 
 }  // namespace isobrick::python

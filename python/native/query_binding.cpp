@@ -197,6 +197,10 @@ nb::object mergeShares(const std::vector<std::string>& paths, const std::string&
   return result;
 }
 
+MeshFrame frameOf(const GridGeometry& geometry, const Index3& voxels, const Query& query) {
+  return {.geometry = geometry, .voxels = voxels, .has_caps = query.cap};
+}
+
 CallOptions readCall(const nb::object& from) {
   return {from.attr("progress"), nb::cast<int>(from.attr("threads")),
           nb::cast<const CancelRequest*>(from.attr("cancel"))};
@@ -275,8 +279,8 @@ nb::object meshIndexPoints(const MeshHandle& mesh) {
 nb::object reportOf(const ExtractionReport& report) {
   nb::list levels;
   for (const LevelCounts& counts : report.levels)
-    levels.append(
-        nb::make_tuple(counts.level, counts.cells, counts.triangles, counts.transition_cells));
+    levels.append(nb::make_tuple(counts.level, counts.cells, counts.triangles,
+                                 counts.transition_cells, counts.cap_triangles));
   nb::dict result;
   result["is_complete"] = report.is_complete;
   result["triangles"] = report.triangles;
@@ -320,7 +324,7 @@ class Session {
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      mesh->filled({geometry(), pyramid_->spec().voxels, false, query.inside}, report, values);
+      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), report, values);
     });
     return {std::move(mesh)};
   }
@@ -470,7 +474,7 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
     query.cancel = &state.cancel();
     query.fraction_done = &state.fraction();
     const ExtractionReport report = extract(query, mesh->surface(), state);
-    mesh->filled({info.geometry, info.voxels, false, query.inside}, report, values);
+    mesh->filled(frameOf(info.geometry, info.voxels, query), report, values);
   });
   idle->forgetIfLarge(*mesh);
   return nb::cast(MeshHandle{mesh});
@@ -502,6 +506,12 @@ void bindQueries(nb::module_& module) {
             return m.row(m.made([](MeshData& d) { return d.levels(); }), m.data->triangles());
           },
           nb::sig("def levels(self) -> numpy.typing.NDArray[numpy.uint8]"))
+      .def(
+          "caps",
+          [](const MeshHandle& m) {
+            return m.row(m.made([](MeshData& d) { return d.caps(); }), m.data->triangles());
+          },
+          nb::sig("def caps(self) -> numpy.typing.NDArray[numpy.bool_]"))
       .def(
           "values",
           [](const MeshHandle& m) -> nb::object {

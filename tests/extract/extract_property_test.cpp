@@ -111,6 +111,56 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, double isovalue, const Detail
   return referenceLeafLevels(pyramid.lattice(), expected);
 }
 
+// The same query with caps, at the border of the volume or of a box: closed, as the reference says,
+// and with what is on the other side of the isovalue it fills the box.
+void expectCaps(const Pyramid& pyramid, const ReferencePyramid& reference_pyramid,
+                const ReferenceMesh& reference, Query query, RandomCase& random) {
+  const Index3 dims = pyramid.spec().voxels;
+  query.cap = true;
+  if (random.chance(0.4)) {
+    QueryBox& box = query.box.emplace();
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto last = static_cast<double>(dims[axis] - 1);
+      box.min[axis] = random.real(-1, last - 0.1);
+      box.max[axis] = random.real(std::max(box.min[axis], 0.0) + 0.05, last + 1);
+    }
+    SCOPED_TRACE("box");
+  }
+  double volumes[2] = {};
+  Index3 low(0), high = dims - Index3(1);
+  for (const InsideOf inside : {InsideOf::kAbove, InsideOf::kBelow}) {
+    query.inside = inside;
+    Extractor extractor(pyramid);
+    const ExtractionPlan plan = extractor.plan(query);
+    if (query.box) {
+      low = Index3(plan.query().box->min);
+      high = Index3(plan.query().box->max);
+      for (int axis = 0; axis < 3; ++axis) {
+        ASSERT_LE(static_cast<double>(low[axis]), std::max(query.box->min[axis], 0.0));
+        ASSERT_GE(static_cast<double>(high[axis]),
+                  std::min(query.box->max[axis], static_cast<double>(dims[axis] - 1)));
+      }
+    }
+    IndexedMeshSink sink;
+    const ExtractionReport report = extractor.execute(plan, 0, plan.bricks().size(), sink);
+    const IndexedMesh& mesh = sink.mesh();
+    const MeshReport check = checkMesh(mesh.positions, mesh.triangles);
+    ASSERT_TRUE(check.ok()) << check.summary();
+    ASSERT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
+    const ReferenceCaps caps = referenceCaps(reference_pyramid, reference.leaves, query.isovalue,
+                                             low, high, inside == InsideOf::kBelow);
+    expectSameCaps(mesh, caps, low, high);
+    if (!query.box && inside == InsideOf::kAbove) expectSameMesh(mesh, reference, report, caps);
+    if (testing::Test::HasFatalFailure()) return;
+    volumes[inside == InsideOf::kBelow ? 1 : 0] = check.volume;
+    EXPECT_GE(check.volume, 0);
+    query.cull_by_ranges = random.chance(0.5);
+  }
+  const glm::dvec3 extent(high - low);
+  EXPECT_NEAR(volumes[0] + volumes[1], extent.x * extent.y * extent.z,
+              1e-9 * extent.x * extent.y * extent.z);
+}
+
 // Bricks of up to 64 cells, whose rows of bits are one word, or rows of two to four words.
 enum class Rows { kOneWord, kSeveralWords };
 
@@ -174,6 +224,10 @@ void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, See
     IndexedMeshSink unculled;
     const ExtractionReport unculled_report = extractIsosurface(pyramid, query, unculled);
     expectSameMesh(unculled.mesh(), reference, unculled_report);
+    if (testing::Test::HasFatalFailure()) return;
+    query.cull_by_ranges = true;
+    RandomCase caps(seed + 7919 * static_cast<std::uint32_t>(q));
+    expectCaps(pyramid, reference_pyramid, reference, query, caps);
     if (testing::Test::HasFatalFailure()) return;
   }
 }

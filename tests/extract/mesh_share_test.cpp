@@ -79,6 +79,7 @@ TEST_F(MeshShareTest, AnySurfaceComesOutByteByByte) {
     const Pyramid pyramid(buildRandomPyramid(random, folder, 2));
     Query query = randomQuery(random, pyramid);
     if (seed % 4 == 0) query.simplify = SimplifyOptions{random.real(0.1, 1)};
+    query.cap = seed % 3 == 0;
 
     const std::string ending = formats[seed % 6];
     {

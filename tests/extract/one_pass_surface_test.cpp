@@ -75,6 +75,7 @@ void testCase(RandomCase& random) {
   }
   if (random.chance(0.2)) query.simplify = SimplifyOptions{random.real(0.2, 1.5), false, true};
   if (random.chance(0.5)) query.uniform_level = 0;
+  query.cap = random.chance(0.3);
   const std::string wanted =
       meshFile(folder, [&](TriangleSink& sink) { extractIsosurface(pyramid, query, sink); });
   SurfaceMesh wanted_mesh, mesh;

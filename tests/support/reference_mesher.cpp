@@ -159,6 +159,7 @@ class Mesher {
 
   float value(const Index3& p);
   ReferenceMesh run();
+  ReferenceCaps caps(const Index3& low, const Index3& high, bool below);
 
  private:
   // Least and greatest level of the leaves that touch p.
@@ -182,6 +183,18 @@ class Mesher {
   void meshLeaf(const LeafBox& leaf);
   void emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::uint32_t c);
   void sortCrossings();
+  template <typename F>
+  void forEachLeaf(F&& f) const;
+
+  // A point of a face's border: a lattice point, or a crossing.
+  struct RingPoint {
+    glm::dvec3 place{0};
+    std::optional<Index3> lattice_point;
+    bool is_in = true;
+  };
+  std::vector<RingPoint> ringOf(const std::array<Index3, 4>& corners, int level, bool below);
+  void capFace(const LeafBox& leaf, int axis, int side, bool below, ReferenceCaps& caps);
+  void capPolygon(const std::vector<RingPoint>& polygon, int level, int axis, ReferenceCaps& caps);
 
   const ReferencePyramid& pyramid_;
   const Lattice& lattice_;
@@ -650,19 +663,138 @@ void Mesher::sortCrossings() {
   mesh_.positions.insert(mesh_.positions.end(), fan_centres_.begin(), fan_centres_.end());
 }
 
-ReferenceMesh Mesher::run() {
-  mesh_.leaves = leaves_;
-  mesh_.level_counts.resize(static_cast<std::size_t>(lattice_.levels()));
+template <typename F>
+void Mesher::forEachLeaf(F&& f) const {
   forEachIndex(leaves_.cells, [&](const Index3& cell) {
     LeafBox leaf;
     leaf.level = leaves_.leafLevelAt(cell);
     leaf.cell = cell >> Index3(leaf.level);
     leaf.lower = lattice_.position(leaf.level, leaf.cell);
     leaf.upper = lattice_.position(leaf.level, leaf.cell + Index3(1));
-    if (leaf.lower == cell) meshLeaf(leaf);
+    if (leaf.lower == cell) f(leaf);
   });
+}
+
+ReferenceMesh Mesher::run() {
+  mesh_.leaves = leaves_;
+  mesh_.level_counts.resize(static_cast<std::size_t>(lattice_.levels()));
+  forEachLeaf([&](const LeafBox& leaf) { meshLeaf(leaf); });
   sortCrossings();
   return std::move(mesh_);
+}
+
+// ---- Caps ---------------------------------------------------------------------------------------
+
+// All points along the border of a square, counter-clockwise as its corners: these, the middles of
+// sides that finer leaves halve, and the crossings between any two of which one alone is inside.
+std::vector<Mesher::RingPoint> Mesher::ringOf(const std::array<Index3, 4>& corners, int level,
+                                              bool below) {
+  std::vector<RingPoint> ring;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Index3 &from = corners[i], &to = corners[(i + 1) % 4];
+    const Index3& base = before(from, to) ? from : to;
+    const Index3& end = before(from, to) ? to : from;
+    int axis = 0;
+    while (base[axis] == end[axis]) ++axis;
+    std::vector<Index3> points = {from, to};
+    Index3 middle = base;
+    middle[axis] += (std::int64_t{1} << level) / 2;
+    if (levelsAround(base, axis).first < level && middle[axis] < end[axis])
+      points.insert(points.begin() + 1, middle);
+    for (std::size_t n = 0; n + 1 < points.size(); ++n) {
+      ring.push_back({glm::dvec3(points[n]), points[n], isInside(points[n]) != below});
+      if (isInside(points[n]) != isInside(points[n + 1]))
+        ring.push_back(
+            {mesh_.crossings[crossingOf(base, axis, level)].point(), std::nullopt, true});
+    }
+  }
+  return ring;
+}
+
+void Mesher::capPolygon(const std::vector<RingPoint>& polygon, int level, int axis,
+                        ReferenceCaps& caps) {
+  if (polygon.empty()) return;
+  if (polygon.size() < 3) broken("a cap of two points");
+  glm::dvec3 doubled(0);
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    doubled += glm::cross(polygon[i].place, polygon[(i + 1) % polygon.size()].place);
+    if (polygon[i].lattice_point) caps.points.push_back(*polygon[i].lattice_point);
+  }
+  caps.area += std::abs(doubled[axis]) / 2;
+  caps.level_counts[static_cast<std::size_t>(level)].triangles +=
+      static_cast<std::int64_t>(polygon.size()) - 2;
+}
+
+// In squares of the leaf's level, or of the finer leaves beyond the border if the surface crosses
+// the face: the leaf's own triangles follow their contour. Above the isovalue, points that are
+// outside part the border of a square into polygons (rule 9); below it they do not.
+void Mesher::capFace(const LeafBox& leaf, int axis, int side, bool below, ReferenceCaps& caps) {
+  const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+  int level = leaf.level;
+  if (const int across = faceNeighbourLevel(leaf, axis, side); across >= 0 && across < level) {
+    int inside = 0;
+    forEachIndex(Index3(2, 2, 1), [&](const Index3& corner) {
+      Index3 p = leaf.lower;
+      if (side == 1) p[axis] = leaf.upper[axis];
+      if (corner.x == 1) p[u] = leaf.upper[u];
+      if (corner.y == 1) p[v] = leaf.upper[v];
+      inside += isInside(p) ? 1 : 0;
+    });
+    if (inside % 4 != 0) level = across;
+  }
+  const std::vector<std::int64_t> us = faceSteps(leaf, u, level), vs = faceSteps(leaf, v, level);
+  for (std::size_t j = 0; j + 1 < vs.size(); ++j)
+    for (std::size_t i = 0; i + 1 < us.size(); ++i) {
+      std::array<Index3, 4> corners;
+      corners.fill(side == 0 ? leaf.lower : leaf.upper);
+      for (std::size_t n = 0; n < 4; ++n) {
+        corners[n][u] = us[i + (n == 1 || n == 2)];
+        corners[n][v] = vs[j + (n >= 2)];
+      }
+      std::vector<RingPoint> ring = ringOf(corners, level, below);
+      const auto is_out = [](const RingPoint& point) { return !point.is_in; };
+      std::rotate(ring.begin(), std::find_if(ring.begin(), ring.end(), is_out), ring.end());
+      std::vector<RingPoint> polygon;
+      for (const RingPoint& point : ring) {
+        if (point.is_in) polygon.push_back(point);
+        if (point.is_in || below) continue;
+        capPolygon(polygon, leaf.level, axis, caps);
+        polygon.clear();
+      }
+      capPolygon(polygon, leaf.level, axis, caps);
+    }
+}
+
+ReferenceCaps Mesher::caps(const Index3& low, const Index3& high, bool below) {
+  ReferenceCaps caps;
+  caps.level_counts.resize(static_cast<std::size_t>(lattice_.levels()));
+  forEachLeaf([&](const LeafBox& leaf) {
+    bool is_within = true, overlaps = true;
+    for (int axis = 0; axis < 3; ++axis) {
+      is_within = is_within && leaf.lower[axis] >= low[axis] && leaf.upper[axis] <= high[axis];
+      overlaps = overlaps && leaf.lower[axis] < high[axis] && leaf.upper[axis] > low[axis];
+    }
+    if (!overlaps) return;
+    if (!is_within) broken("a box that cuts a leaf");
+    if (pyramid_.has_missing && isBesideMissing(leaf)) return;
+    ReferenceLevelCounts& counts = caps.level_counts[static_cast<std::size_t>(leaf.level)];
+    const std::int64_t triangles = counts.triangles;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (leaf.lower[axis] == low[axis]) capFace(leaf, axis, 0, below, caps);
+      if (leaf.upper[axis] == high[axis]) capFace(leaf, axis, 1, below, caps);
+    }
+    int above = 0;
+    forEachIndex(Index3(2), [&](const Index3& corner) {
+      Index3 p = leaf.lower;
+      for (int axis = 0; axis < 3; ++axis)
+        if (corner[axis] == 1) p[axis] = leaf.upper[axis];
+      above += isInside(p) ? 1 : 0;
+    });
+    counts.cells += above % 8 == 0 && counts.triangles > triangles;
+  });
+  std::sort(caps.points.begin(), caps.points.end(), before);
+  caps.points.erase(std::unique(caps.points.begin(), caps.points.end()), caps.points.end());
+  return caps;
 }
 
 }  // namespace
@@ -745,6 +877,11 @@ ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const ReferenceQuer
 
 ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso) {
   return Mesher(pyramid, leaves, iso).run();
+}
+
+ReferenceCaps referenceCaps(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso,
+                            const Index3& low, const Index3& high, bool below) {
+  return Mesher(pyramid, leaves, iso).caps(low, high, below);
 }
 
 std::vector<float> referenceValues(const ReferencePyramid& pyramid, const LeafLevels& leaves,

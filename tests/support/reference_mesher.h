@@ -135,6 +135,18 @@ ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const ReferenceQuer
 // The same on leaves that come from elsewhere (another oracle). They must obey rule 5.
 ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso);
 
+// What closes the surface of the leaves in a box in the box's six planes: the part of their faces
+// there that is inside, by marching squares. The box cuts no leaf.
+struct ReferenceCaps {
+  std::vector<ReferenceLevelCounts>
+      level_counts;            // per level: leaves that only have caps, triangles
+  std::vector<Index3> points;  // lattice points at corners of polygons, sorted
+  double area = 0;             // voxels^2
+};
+// `below`: the inside is where values are below `iso`. NaN at a corner of a leaf leaves it out.
+ReferenceCaps referenceCaps(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso,
+                            const Index3& low, const Index3& high, bool below = false);
+
 // The values of the lattice points at `positions` by rule 6. Each must be a lattice point of one of
 // the leaves that touch it.
 std::vector<float> referenceValues(const ReferencePyramid& pyramid, const LeafLevels& leaves,

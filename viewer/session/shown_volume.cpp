@@ -72,6 +72,7 @@ Query ShownVolume::queryOf(const SurfaceWish& wish, std::size_t surface, double 
   Query coarse;
   coarse.isovalue = query.isovalue;
   coarse.inside = query.inside;
+  coarse.cap = query.cap;
   if (query.focus)
     coarse.focus = FocusSphere{query.focus->center / step(), query.focus->radius / step()};
   return coarse;

@@ -68,8 +68,8 @@ ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
                 value_window, coloring, values, lighting, ambient_occlusion, shadow, pictures,
-                measurements, piece_measures, mesh_distance, wireframe, show_transitions, show_box,
-                show_handles, background_top, background_bottom)
+                measurements, piece_measures, capped, mesh_distance, wireframe, show_transitions,
+                show_box, show_handles, background_top, background_bottom)
 
 constexpr std::array<std::string_view, 2> namesOf(InsideOf) { return {"above", "below"}; }
 constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {

@@ -122,6 +122,7 @@ SurfaceWish wishOf(const ViewState& state, const ViewVolume& volume, double heig
   wish.radius = wantedRadius(state, volume);
   wish.detail.focus = state.focus.center;
   wish.detail.curvature_tolerance = state.curvature_tolerance;
+  wish.detail.capped = state.capped;
   if (state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther)
     wish.detail.values = state.coloring;
   if (state.coloring == ViewColoring::kOther) wish.detail.other = state.values.other;
@@ -143,6 +144,7 @@ Query queryOf(const SurfaceWish& wish, const ViewVolume& volume, std::size_t sur
   query.isovalue = wish.surfaces[surface].isovalue;
   query.inside = wish.surfaces[surface].inside;
   query.curvature_tolerance = wish.detail.curvature_tolerance;
+  query.cap = wish.detail.capped;
   query.view = wish.detail.view;
   if (radius < volume.diagonal()) query.focus = FocusSphere{wish.detail.focus, radius};
   return query;

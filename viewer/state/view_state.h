@@ -130,6 +130,7 @@ struct ViewState {
   ViewPictures pictures;
   std::vector<ViewMeasurement> measurements;     // at most kMostMeasurements, shown in the scene
   std::vector<ViewPieceMeasure> piece_measures;  // at most kMostPieceMeasures
+  bool capped = false;  // surfaces are closed at the border of the volume (Query::cap)
   // Mesh files are simplified within this distance, voxels (SimplifyOptions::distance).
   std::optional<double> mesh_distance;
   bool wireframe = false;
@@ -196,6 +197,7 @@ struct SurfaceWish {
     std::optional<ViewPoint> view;
     ViewColoring values = ViewColoring::kPlain;  // that vertices carry: kGradient, kOther, or none
     std::string other;                           // the path of the pyramid of kOther
+    bool capped = false;                         // Query::cap
 
     bool operator==(const Detail&) const = default;
   };

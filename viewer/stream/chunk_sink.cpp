@@ -42,7 +42,10 @@ void ChunkSink::write(PlacedBatch& placed) {
     for (std::size_t v = 0; v < placed.values.size(); ++v)
       chunk.vertices[v].value = packValue(placed.values[v]);
   }
-  chunk.triangles.assign(batch.triangles.begin(), batch.triangles.end());
+  // Caps come first, so that the transition cells' triangles are the last ones.
+  const auto caps = batch.triangles.end() - static_cast<std::ptrdiff_t>(batch.cap_indices);
+  chunk.triangles.assign(caps, batch.triangles.end());
+  chunk.triangles.insert(chunk.triangles.end(), batch.triangles.begin(), caps);
   chunk.transition_indices = batch.transition_indices;
   take_(static_cast<std::size_t>(placed.first_byte), std::move(chunk));
 }

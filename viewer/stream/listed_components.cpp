@@ -80,7 +80,7 @@ Query queryOfLevel(double isovalue, int level, const CancelFlag* cancel) {
 
 std::optional<int> onlyLevelOf(const Query& query) {
   const bool is_whole = !query.focus && !query.view && !query.curvature_tolerance &&
-                        query.or_finer.empty() && !query.box && !query.simplify;
+                        query.or_finer.empty() && !query.box && !query.cap && !query.simplify;
   return is_whole ? std::optional(query.uniform_level.value_or(0)) : std::nullopt;
 }
 
@@ -160,7 +160,8 @@ ChosenComponents ListedComponents::chosen(Extractor& extractor, const PieceChoic
 }
 
 void ListedNumbers::find(const MeshBatch& batch, std::vector<std::uint32_t>& numbers) const {
-  if (!batch.is_uniform || batch.level != listed_.level_) {
+  // Caps join pieces that the list has apart.
+  if (!batch.is_uniform || batch.level != listed_.level_ || batch.cap_indices > 0) {
     numbers.assign(batch.positions.size(), kNoComponent);
     return;
   }

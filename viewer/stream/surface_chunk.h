@@ -45,6 +45,7 @@ struct ChunkKey {
   int level = 0;                        // of the pyramid
   std::array<std::int64_t, 3> brick{};  // of that level
   InsideOf inside = InsideOf::kAbove;   // of the query
+  bool has_caps = false;                // Query::cap
 
   auto operator<=>(const ChunkKey&) const = default;  // an order of any kind
 };

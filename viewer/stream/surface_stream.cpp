@@ -380,7 +380,8 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
                      listed != nullptr ? listed->number() : 0,
                      0,
                      {},
-                     surface.query.inside};
+                     surface.query.inside,
+                     surface.query.cap};
   const bool has_all = surface.pieces.isAll();
   ChunkSink sink(key, {values_.get(), listed != nullptr}, [&](std::size_t, SurfaceChunk&& chunk) {
     // Which pieces are kept depends on all bricks.
