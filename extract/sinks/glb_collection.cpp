@@ -89,8 +89,9 @@ class JoinedGltf {
       move(primitive["material"], materials);
     }
     for (GltfJson& material : part["materials"]) {
-      material["name"] = object.name;
-      if (object.color)
+      const bool is_cap = material.value("name", "") == "cap";
+      material["name"] = is_cap ? object.name + " cap" : object.name;
+      if (object.color && !is_cap)
         material["pbrMetallicRoughness"]["baseColorFactor"] = {linearPart(object.color->r),
                                                                linearPart(object.color->g),
                                                                linearPart(object.color->b), 1};
