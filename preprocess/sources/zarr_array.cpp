@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "isobrick/preprocess/crc32c.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"

@@ -45,9 +45,6 @@ void undoZarrFilter(const ZarrFilter& filter, std::span<const std::byte> packed,
 // The most that `bytes` unpacked bytes can take packed: no more than that is ever read.
 std::uint64_t mostPackedBytes(std::uint64_t bytes);
 
-// CRC-32C (Castagnoli), as Zarr's index of a shard has it.
-std::uint32_t crc32c(std::span<const std::byte> bytes);
-
 // A JSON file of a store, which may be hostile: at most 16 MiB, not nested deeper than 32. Throws
 // Error for text that is no JSON object.
 nlohmann::json readZarrJson(const std::string& path);
