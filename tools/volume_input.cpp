@@ -64,7 +64,7 @@ bool isPhantomName(const std::string& input) { return input.rfind("phantom:", 0)
 
 // Whole, so that no path is taken for an option, and a pyramid says of what it was made.
 std::string wholePath(const std::string& volume) {
-  if (isPhantomName(volume)) return volume;
+  if (isPhantomName(volume) || isRemotePath(volume)) return volume;
   const fs::path whole = absolutePath(volume);
   return (whole.has_filename() ? whole : whole.parent_path()).string();
 }
@@ -131,7 +131,7 @@ CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
       .add_option(
           "FILE", input.path,
           "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
-          "'isobrick build' reads it, a DICOM folder, "
+          "'isobrick build' reads it, a DICOM folder, OME-Zarr behind such a URL, "
           "or phantom:NAME:SIZE, of which a pyramid is built into the cache if one is needed")
       ->type_name("PATH");
 }
@@ -176,7 +176,8 @@ RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache
 
 bool isVolume(const std::string& path) {
   const std::string file = splitHdf5Name(path).first;
-  return isPhantomName(path) || ((isFolder(file) || isRegularFile(file)) && !isPyramidFile(file));
+  return isPhantomName(path) || isRemoteVolume(path) ||
+         ((isFolder(file) || isRegularFile(file)) && !isPyramidFile(file));
 }
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {

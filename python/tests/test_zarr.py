@@ -1,15 +1,19 @@
-"""OME-Zarr that isobrick writes, read by the libraries of others."""
+"""OME-Zarr that isobrick writes, read by the libraries of others, and read by isobrick behind URLs."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import os
+import shutil
+import urllib.request
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zarr
 from numpy.typing import NDArray
+from test_remote import Server, bucket, clean  # noqa: F401 - fixtures
 
 import isobrick
 
@@ -123,3 +127,150 @@ def test_ngff_zarr_reads_both(command: Command, tmp_path: Path) -> None:
         assert [image.scale[axis] for axis in "xyz"] == list(SPACING)
         assert [image.translation[axis] for axis in "xyz"] == list(ORIGIN)
         assert image.axes_units == {axis: "millimeter" for axis in "zyx"}
+
+
+# ---- behind URLs
+
+
+@pytest.fixture(scope="module")
+def stores(tmp_path_factory: pytest.TempPathFactory, command: Command) -> Path:
+    """A folder with one volume as three.zarr, two.zarr, and consolidated.zarr (version 2)."""
+    folder = tmp_path_factory.mktemp("stores")
+    write_nrrd(folder / "in.nrrd", volume("uint16"))
+    command("convert", folder / "in.nrrd", "-o", folder / "three.zarr", "--zarr-shard", 128)
+    command("convert", folder / "in.nrrd", "-o", folder / "two.zarr", "--zarr-version", 2)
+    shutil.copytree(folder / "two.zarr", folder / "consolidated.zarr")
+    zarr.consolidate_metadata(str(folder / "consolidated.zarr"), zarr_format=2)
+    return folder
+
+
+@pytest.fixture
+def server(stores: Path) -> Iterator[Server]:
+    running = Server(stores)
+    yield running
+    assert running.process.stdin is not None
+    running.process.stdin.close()
+    running.process.wait()
+
+
+def asked(server: Server) -> list[str]:
+    """The paths that were asked for so far."""
+    with urllib.request.urlopen(server.url("stats"), timeout=10) as answer:
+        return [request["path"] for request in json.load(answer)["requests"]]
+
+
+@pytest.mark.parametrize("name", ["three.zarr", "two.zarr", "consolidated.zarr", "three.zarr/0", "two.zarr/0/"])
+def test_a_store_behind_http_is_the_one_in_the_folder(
+    server: Server, stores: Path, command: Command, tmp_path: Path, name: str
+) -> None:
+    values = volume("uint16")
+    assert np.array_equal(read_raw(command, server.url(f"good/{name}"), tmp_path, "uint16"), values)
+    chunks = [path for path in asked(server) if os.path.basename(path).isdigit()]
+    if "three" not in name:
+        assert len(chunks) == len(set(chunks)) == 2 * 3 * 4, "each once"
+    about = json.loads(command("convert", server.url(f"good/{name}"), "-o", tmp_path / "x.raw", "--json"))
+    assert about["spacing"] == list(SPACING) and about["origin"] == list(ORIGIN)
+
+
+def test_only_what_a_box_needs_is_read(server: Server, command: Command, tmp_path: Path) -> None:
+    out = tmp_path / "box.raw"
+    command("convert", server.url("good/two.zarr"), "-o", out, "--box", "130,70,5,190,120,60")
+    found = np.fromfile(out, "uint16").reshape(56, 51, 61)
+    assert np.array_equal(found, volume("uint16")[5:61, 70:121, 130:191])
+    assert [path for path in asked(server) if path.startswith("/good/two.zarr/0/0/")] == ["/good/two.zarr/0/0/1/2"]
+
+
+def test_info_costs_the_metadata_alone(server: Server, command: Command) -> None:
+    about = json.loads(command("info", server.url("good/three.zarr"), "--json"))
+    assert about["dimensions"] == list(SHAPE[::-1]) and about["voxel_type"] == "uint16"
+    assert not any("/c/" in path for path in asked(server))
+    assert len(asked(server)) == len(set(asked(server)))
+
+
+def test_everything_takes_a_store(server: Server, stores: Path, command: Command, tmp_path: Path) -> None:
+    near, far = stores / "three.zarr", server.url("good/three.zarr")
+    for number, source in enumerate((near, far)):
+        cache = ("--cache-folder", tmp_path / "cache")
+        command("build", source, "-o", tmp_path / f"{number}.isb")
+        command("extract", source, "--iso", 65500, "-o", tmp_path / f"{number}.ply")
+        command("extract", source, "--iso", 46000, "--level", 1, *cache, "-o", tmp_path / f"{number}-1.ply")
+    for name in ("{}.ply", "{}-1.ply"):
+        assert (tmp_path / name.format(0)).read_bytes() == (tmp_path / name.format(1)).read_bytes()
+    before = len(asked(server))
+    command("extract", far, "--iso", 46000, "--level", 1, *cache, "-o", tmp_path / "again.ply")
+    assert not any("/c/" in path for path in asked(server)[before:]), "its pyramid is in the cache"
+    isobrick.build(far, tmp_path / "python.isb")
+    with isobrick.open(tmp_path / "python.isb") as pyramid:
+        assert np.array_equal(pyramid.levels[0][:], volume("uint16"))
+
+
+def test_only_404_is_the_fill_value(
+    server: Server, stores: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Zeros have no file, and isobrick says how many chunks that were.
+    about = command("convert", server.url("good/two.zarr"), "-o", tmp_path / "x.raw")
+    assert "4 of the 24 chunks that were read are not in the store" in about
+    chunk = stores / "two.zarr/0/1/2/3"
+    os.rename(chunk, tmp_path / "kept")
+    try:
+        found = read_raw(command, server.url("good/two.zarr"), tmp_path, "uint16")
+        assert not found[64:, 128:, 192:].any()
+    finally:
+        os.rename(tmp_path / "kept", chunk)
+    monkeypatch.setenv("ISOBRICK_HTTP_TIMEOUT", "1")
+    for behaviour, said in (
+        ("refuses-chunks/403", "refuses access (403)"),
+        ("refuses-chunks/410", "no such file (410)"),
+        ("refuses-chunks/500", "busy or fails (500)"),
+        ("cuts-chunks", "fewer bytes"),
+    ):
+        with pytest.raises(AssertionError, match=said.replace("(", r"\(").replace(")", r"\)")):
+            command("convert", server.url(f"{behaviour}/two.zarr"), "-o", tmp_path / "y.raw")
+    found = read_raw(command, server.url("once-busy/three.zarr"), tmp_path, "uint16")
+    assert np.array_equal(found, volume("uint16")), "tried again"
+
+
+def test_a_shard_that_changes_is_noticed(server: Server, command: Command, tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match="was changed while it was open"):
+        command("convert", server.url("changes/etag/three.zarr"), "-o", tmp_path / "x.raw")
+    assert not (tmp_path / "x.raw").exists()
+
+
+def test_failures_are_one_line(server: Server, command: Command, tmp_path: Path) -> None:
+    for words, said in (
+        (("info", server.url("good/none.zarr")), "no metadata of a Zarr store"),
+        (("info", server.url("fails/403/first/three.zarr")), "refuses access"),
+        (("info", "http://127.0.0.1:1/x.zarr"), "cannot be reached"),
+        (("build", server.url("good/in.nrrd"), "-o", tmp_path / "x.isb"), "OME-Zarr alone"),
+        (("convert", server.url("good/three.zarr") + "?sig=1", "-o", tmp_path / "x.raw"), "many files"),
+    ):
+        with pytest.raises(AssertionError, match=said):
+            command(*words)
+
+
+def test_a_store_in_s3(
+    bucket: str,  # noqa: F811
+    clean: pytest.MonkeyPatch,  # noqa: F811
+    stores: Path,
+    command: Command,
+    tmp_path: Path,
+) -> None:
+    import boto3
+
+    client = boto3.client(
+        "s3", endpoint_url=bucket, region_name="us-east-1", aws_access_key_id="id", aws_secret_access_key="secret"
+    )
+    for name in ("three.zarr", "two.zarr"):
+        for file in (stores / name).rglob("*"):
+            if file.is_file():
+                client.upload_file(str(file), "scans", f"a b/{name}/{file.relative_to(stores / name)}")
+    clean.setenv("AWS_ENDPOINT_URL", bucket)
+    clean.setenv("AWS_ACCESS_KEY_ID", "id")
+    clean.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    for name in ("three.zarr", "two.zarr"):
+        found = read_raw(command, f"s3://scans/a b/{name}", tmp_path, "uint16")
+        assert np.array_equal(found, volume("uint16"))
+    clean.delenv("AWS_ACCESS_KEY_ID")
+    clean.delenv("AWS_SECRET_ACCESS_KEY")
+    with pytest.raises(AssertionError, match="refuses access"):
+        command("info", "s3://scans/a b/three.zarr")

@@ -372,7 +372,7 @@ Command addConvertCommand(CLI::App& app) {
   arguments->build.keep_unfinished = false;  // there is no --resume
   sub->add_option("IN", arguments->input.path,
                   "Pyramid (.isb), also behind http://, https:// or s3://; or a volume in any "
-                  "format that `build` reads")
+                  "format that `build` reads, OME-Zarr also behind such a URL")
       ->type_name("PATH")
       ->required();
   beginGroup(*sub, kOutputGroup);
