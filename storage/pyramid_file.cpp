@@ -52,8 +52,17 @@ bool beginsAsPyramid(const std::string& path) {
          std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
 }
 
+bool isRemoteVolume(const std::string& path) {
+  if (!isRemotePath(path)) return false;
+  const std::string place = lowercase(splitQuery(path).first);
+  const std::string ending = lowerExtension(withoutSlashes(place));
+  if (ending == ".isb" || ending == kDividedEnding) return false;
+  return place.ends_with('/') || place.ends_with(".zarr") ||
+         place.find(".zarr/") != std::string::npos;
+}
+
 bool isPyramidFile(const std::string& path) {
-  if (isRemotePath(path)) return true;
+  if (isRemotePath(path)) return !isRemoteVolume(path);
   if (isFolder(path))
     return lowerExtension(withoutSlashes(path)) == kDividedEnding ||
            beginsAsPyramid(path + "/" + kIndexName);

@@ -148,7 +148,7 @@ CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
       .add_option(
           "FILE", input.path,
           "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
-          "'isobrick build' reads it, a DICOM folder, "
+          "'isobrick build' reads it, a DICOM folder, OME-Zarr behind such a URL, "
           "or phantom:NAME:SIZE, of which a pyramid is built into the cache if one is needed")
       ->type_name("PATH");
 }
@@ -197,7 +197,8 @@ RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache
 
 bool isVolume(const std::string& path) {
   const std::string file = splitHdf5Name(path).first;
-  return isPhantomName(path) || ((isFolder(file) || isRegularFile(file)) && !isPyramidFile(file));
+  return isPhantomName(path) || isRemoteVolume(path) ||
+         ((isFolder(file) || isRegularFile(file)) && !isPyramidFile(file));
 }
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {

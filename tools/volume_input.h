@@ -69,8 +69,8 @@ inline RemoteOptions remoteOptions(const VolumeInput& input) {
   return remoteOptions(input.cache_folder, input.cache_bytes);
 }
 
-// A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
-// opened as a pyramid, and that says what is wrong.
+// A file or a folder that is there and is no pyramid, the URL of an OME-Zarr store, or the name of
+// a phantom. Everything else is opened as a pyramid, and that says what is wrong.
 bool isVolume(const std::string& path);
 
 // True if it is read as a volume: it is one, or a pyramid of which another volume is made.

@@ -12,7 +12,6 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/file_io.h"
 #include "isobrick/storage/file_system.h"
 
 namespace isobrick {
@@ -67,13 +66,26 @@ void AtomicFolder::makeFolder(const std::string& name) {
   if (error) failWriting(path_, error.value());
 }
 
+AtomicFolder::File::File(const AtomicFolder& folder, const std::string& name)
+    : folder_(folder),
+      file_(open((folder.temporary_path_ + "/" + name).c_str(),
+                 O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+  if (file_.get() < 0) failWriting(folder_.path_, errno);
+}
+
+void AtomicFolder::File::append(const void* data, std::size_t bytes) {
+  const IoResult result = writeNextBytes(file_.get(), data, bytes);
+  if (result.error != 0) failWriting(folder_.path_, result.error);
+}
+
+void AtomicFolder::File::close() {
+  if (::close(file_.release()) != 0) failWriting(folder_.path_, errno);
+}
+
 void AtomicFolder::writeFile(const std::string& name, const void* data, std::size_t bytes) {
-  const std::string path = temporary_path_ + "/" + name;
-  const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (fd < 0) failWriting(path_, errno);
-  const IoResult result = writeNextBytes(fd, data, bytes);
-  const int error = ::close(fd) != 0 && result.error == 0 ? errno : result.error;
-  if (error != 0) failWriting(path_, error);
+  File file(*this, name);
+  file.append(data, bytes);
+  file.close();
 }
 
 void AtomicFolder::commit(const CancelFlag* cancel) {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 
@@ -22,7 +23,20 @@ class AtomicFolder {
 
   // Makes a folder in it, and those above.
   void makeFolder(const std::string& name);
-  // Writes a file in it; if that fails, the folder is of no use. Thread-safe.
+  // A file in it that grows piece by piece; if that fails, the folder is of no use, as with
+  // writeFile(). The folder outlives it; files of one folder may grow in several threads at once.
+  class File {
+   public:
+    File(const AtomicFolder& folder, const std::string& name);
+    void append(const void* data, std::size_t bytes);
+    // Once, behind the last piece: a disk may refuse the bytes as late as this.
+    void close();
+
+   private:
+    const AtomicFolder& folder_;
+    OpenDescriptor file_;
+  };
+  // Writes a file in it. Thread-safe.
   void writeFile(const std::string& name, const void* data, std::size_t bytes);
 
   // Waits for the disk and gives the folder its name. A file or folder of that name is replaced,

@@ -133,8 +133,10 @@ std::vector<ReadableFormat> readableFormats() {
 }
 
 void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
-  if (isRemotePath(path) && (options.raw || !options.pyramid_level))
-    throw unreadable(path, "behind a URL isobrick reads pyramids alone; copy the volume to a file");
+  if (isRemotePath(path) && !isRemoteVolume(path) && (options.raw || !options.pyramid_level))
+    throw unreadable(withoutSecrets(path),
+                     "of volumes behind a URL isobrick reads OME-Zarr alone, in a folder that is "
+                     "named .zarr or ends with '/'; copy other volumes to a file");
   // Opening a pipe would wait for its other end, for ever.
   if (isSpecialFile(path))
     throw unreadable(path, "it is neither a file nor a folder; copy it to a file");

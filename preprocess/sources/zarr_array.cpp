@@ -3,16 +3,19 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <utility>
 
+#include "isobrick/preprocess/crc32c.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/range_reader.h"
 
 namespace isobrick {
 namespace {
@@ -21,7 +24,7 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kMostZarrAxes = 5;
 constexpr std::uint64_t kMostChunkBytes = std::uint64_t{1} << 30;
-constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kMostChecksumBytes = 64;  // behind a packed chunk
 
 // A piece of JSON for a line of a message.
 std::string quotedJson(const Json& json) {
@@ -74,16 +77,24 @@ std::string codecName(const Json& codec) {
   return name.starts_with(kPrefix) ? name.substr(kPrefix.size()) : name;
 }
 
-}  // namespace
-
-nlohmann::json readZarrJson(const std::string& path) {
+std::string metadataText(const std::string& path) {
+  if (const auto store = RemoteStore::through(path)) {
+    if (auto text = store->document(path)) return *std::move(text);
+    throw unreadable(path, "the server has no such file; check the address");
+  }
   const StoreFile file(path);
-  if (file.size() > kMostJsonBytes)
+  if (file.size() > RemoteStore::kMostDocumentBytes)
     throw unreadable(path, "it has ", file.size(),
                      " bytes, too many for the metadata of a Zarr store; check what it is");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   text.resize(file.readAt(0, text.data(), text.size()));
-  Json json = parseShallowJson(text);
+  return text;
+}
+
+}  // namespace
+
+nlohmann::json readZarrJson(const std::string& path) {
+  Json json = parseShallowJson(metadataText(path));
   if (!json.is_object()) throw unreadable(path, "it is no JSON object; get the whole store again");
   return json;
 }
@@ -91,6 +102,7 @@ nlohmann::json readZarrJson(const std::string& path) {
 ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
   std::string inside;
   zip_ = zipThrough(folder, inside);
+  remote_ = RemoteStore::through(folder);
   metadata_path_ = folder + "/zarr.json";
   const bool is_version3 = storeFileIsThere(metadata_path_);
   if (!is_version3) metadata_path_ = folder + "/.zarray";
@@ -390,7 +402,8 @@ std::string ZarrArray::pathOf(const Indices& outer) const {
 
 // A disk may have been removed: then all chunks would be the fill value.
 void ZarrArray::throwIfStoreWentAway() const {
-  if (!storeFileIsThere(metadata_path_))
+  if (remote_ != nullptr ? !remote_->isStillThere(metadata_path_)
+                         : !storeFileIsThere(metadata_path_))
     throw ResumableError("cannot read '" + folder_ + "': '" + metadata_path_ +
                              "' is not there any more; run again when it is",
                          {.path = folder_});
@@ -427,24 +440,69 @@ std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, 
   return ByteRun{run.offset + found.offset, found.bytes};
 }
 
+// The chunk or shard in a file.
+ZarrArray::Indices ZarrArray::outerOf(const Indices& index) const {
+  Indices outer;
+  for (std::size_t i = 0; i < index.size(); ++i)
+    outer.push_back(index[i] / (outer_[i] / chunk_[i]));
+  return outer;
+}
+
+// Of a file behind a URL: a chunk as a whole, or the index of a shard.
+FirstRequest ZarrArray::firstRequest() const {
+  if (shards_.empty()) return {.bytes = mostPackedBytes(filteredChunkBytes()) + kMostChecksumBytes};
+  const auto rows = static_cast<std::uint64_t>(product(chunksOf(0)));
+  return {.bytes = 16 * rows + (shards_[0].index_has_checksum ? 4 : 0),
+          .is_of_end = !shards_[0].index_at_start};
+}
+
+// Nothing if the store does not have it.
+std::optional<StoreFile> ZarrArray::openOuter(const std::string& path) const {
+  if (remote_ == nullptr) {
+    if (!storeFileIsThere(path)) return std::nullopt;
+    return StoreFile(path);
+  }
+  auto ranges = remote_->open(path, firstRequest(), !shards_.empty());
+  if (ranges == nullptr) return std::nullopt;
+  return StoreFile(path, std::move(ranges), remote_->cancel());
+}
+
+void ZarrArray::announce(std::span<const Indices> chunks) const {
+  std::map<std::string, std::vector<const Indices*>> files;
+  for (const Indices& index : chunks) files[pathOf(outerOf(index))].push_back(&index);
+  const FirstRequest first = firstRequest();
+  for (const auto& [path, in_it] : files) remote_->announce(path, first);
+  if (shards_.size() != 1) return;  // shards in shards: their indices would be waited for in turn
+  for (const auto& [path, in_it] : files) {
+    const auto ranges = remote_->open(path, first, true);
+    if (ranges == nullptr) continue;
+    const StoreFile file(path, ranges, remote_->cancel());
+    std::vector<ByteRange> runs;
+    for (const Indices* const index : in_it)
+      if (const auto run = findInShard(file, 0, {0, file.size()}, *index))
+        runs.push_back({run->offset, run->bytes});
+    ranges->announce(runs);
+  }
+}
+
 bool ZarrArray::readPacked(const std::string& path, const Indices& index,
                            std::vector<std::byte>& out) const {
-  if (!storeFileIsThere(path)) {
+  const std::optional<StoreFile> file = openOuter(path);
+  if (!file) {
     throwIfStoreWentAway();
     return false;
   }
-  const StoreFile file(path);
   const auto damaged = [&](const auto&... why) {
     return unreadable(path, why..., "; get the whole store again");
   };
-  std::optional<ByteRun> run = ByteRun{0, file.size()};
+  std::optional<ByteRun> run = ByteRun{0, file->size()};
   for (std::size_t shard = 0; run && shard < shards_.size(); ++shard)
-    run = findInShard(file, shard, *run, index);
+    run = findInShard(*file, shard, *run, index);
   if (!run) return false;
-  if (run->bytes > mostPackedBytes(filteredChunkBytes()) + 64)
+  if (run->bytes > mostPackedBytes(filteredChunkBytes()) + kMostChecksumBytes)
     throw damaged("a chunk takes ", run->bytes, " bytes there, and unpacked ", storedChunkBytes());
   out.resize(static_cast<std::size_t>(run->bytes));
-  if (file.readAt(run->offset, out.data(), out.size()) != out.size())
+  if (file->readAt(run->offset, out.data(), out.size()) != out.size())
     throw damaged("it became shorter meanwhile");
   return true;
 }
@@ -472,10 +530,7 @@ void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
 }
 
 bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) const {
-  Indices outer;
-  for (std::size_t i = 0; i < index.size(); ++i)
-    outer.push_back(index[i] / (outer_[i] / chunk_[i]));
-  const std::string path = pathOf(outer);
+  const std::string path = pathOf(outerOf(index));
   const auto voxels = static_cast<std::size_t>(product(chunk_));
   std::vector<std::byte> packed;
   if (!readPacked(path, index, packed)) {

@@ -1,9 +1,10 @@
-// One array of a Zarr store (version 2 or 3), in a folder or a zip file. Private to
+// One array of a Zarr store (version 2 or 3), in a folder, a zip file or behind a URL. Private to
 // preprocess/sources/.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/zarr_remote.h"
 #include "isobrick/preprocess/sources/zarr_store.h"
 
 namespace isobrick {
@@ -45,9 +47,6 @@ void undoZarrFilter(const ZarrFilter& filter, std::span<const std::byte> packed,
 // The most that `bytes` unpacked bytes can take packed: no more than that is ever read.
 std::uint64_t mostPackedBytes(std::uint64_t bytes);
 
-// CRC-32C (Castagnoli), as Zarr's index of a shard has it.
-std::uint32_t crc32c(std::span<const std::byte> bytes);
-
 // A JSON file of a store, which may be hostile: at most 16 MiB, not nested deeper than 32. Throws
 // Error for text that is no JSON object.
 nlohmann::json readZarrJson(const std::string& path);
@@ -77,6 +76,12 @@ class ZarrArray {
   // if it is damaged or cannot be opened.
   bool readChunk(const Indices& index, std::vector<std::byte>& out) const;
   double fill() const { return fill_; }
+
+  // Whether it lies behind a URL.
+  bool isRemote() const { return remote_ != nullptr; }
+  // Of an array behind a URL: asks for these chunks, which will be read soon, all at once. Waits
+  // for the indices of shards alone. Throws what readChunk() throws.
+  void announce(std::span<const Indices> chunks) const;
 
   // The metadata, and the files that hold voxels with `fixed` at every axis that is not negative
   // there: all that exist, or, of more than some ten thousand, a selection, evenly spread.
@@ -118,13 +123,17 @@ class ZarrArray {
               std::vector<std::byte>& out) const;
   std::size_t filteredChunkBytes() const;
   Indices chunksOf(std::size_t shard) const;  // along each axis
+  Indices outerOf(const Indices& index) const;
+  FirstRequest firstRequest() const;
+  std::optional<StoreFile> openOuter(const std::string& path) const;
   std::optional<ByteRun> findInShard(const StoreFile& file, std::size_t shard, ByteRun run,
                                      const Indices& index) const;
   bool readPacked(const std::string& path, const Indices& index, std::vector<std::byte>& out) const;
   void throwIfStoreWentAway() const;
   [[noreturn]] void refuse(const std::string& reason) const;
 
-  std::shared_ptr<const ZipFile> zip_;  // held, so that its table is read once; may be null
+  std::shared_ptr<const ZipFile> zip_;   // held, so that its table is read once; may be null
+  std::shared_ptr<RemoteStore> remote_;  // likewise, for its connections
   std::string folder_, metadata_path_;
   Indices shape_;
   Indices chunk_;  // the unit that is packed

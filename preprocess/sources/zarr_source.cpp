@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <array>
+#include <condition_variable>
 #include <filesystem>
 #include <list>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -16,11 +18,14 @@
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
+#include "isobrick/preprocess/sources/zarr_remote.h"
 #include "isobrick/preprocess/sources/zarr_store.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_file.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -154,12 +159,13 @@ class ZarrSource final : public VolumeSource {
  public:
   // `axes`: which axis of the array x, y and z are. `fixed`: an index for all others, -1 for these.
   ZarrSource(VolumeInfo info, ZarrArray array, std::array<std::size_t, 3> axes, Indices fixed,
-             std::vector<std::string> group_files, const OpenOptions& options)
+             std::vector<std::string> group_files, std::string identity, const OpenOptions& options)
       : info_(std::move(info)),
         array_(std::move(array)),
         axes_(axes),
         fixed_(std::move(fixed)),
         group_files_(std::move(group_files)),
+        identity_(std::move(identity)),
         cancel_(options.cancel),
         // A few chunks are being unpacked.
         cache_bytes_(std::max(options.memory_bytes, 8 * array_.chunkBytes()) -
@@ -174,7 +180,9 @@ class ZarrSource final : public VolumeSource {
   }
   std::vector<std::string> notesOfReading() const override { return tally_.notes(array_.fill()); }
 
+  std::string identity() const override { return identity_; }
   std::vector<std::string> files() const override {
+    if (!identity_.empty()) return {};
     std::vector<std::string> files = group_files_;
     for (std::string& file : array_.files(fixed_)) files.push_back(std::move(file));
     return files;
@@ -183,8 +191,12 @@ class ZarrSource final : public VolumeSource {
   void readBox(const IndexBox& box, void* out) const override {
     const Index3 size = chunkVoxels();
     const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
-    forEachIndex({begin, end - begin}, [&](const Index3& at) {
+    const IndexBox chunks{begin, end - begin};
+    std::int64_t number = 0;
+    forEachIndex(chunks, [&](const Index3& at) {
       if (cancel_ != nullptr) cancel_->check();
+      if (array_.isRemote() && number % kStepAhead == 0) announce(chunks, number);
+      ++number;
       const ChunkCache::Value chunk = chunkAt(at);
       visitNumberType(info_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
@@ -201,12 +213,53 @@ class ZarrSource final : public VolumeSource {
     return size;
   }
 
-  ChunkCache::Value chunkAt(const Index3& at) const {
+  // Of an array behind a URL: chunks that are asked for ahead of the one that is read, so many at a
+  // time.
+  static constexpr std::int64_t kAhead = 64, kStepAhead = 16;
+
+  // Asks for those of the box that come next and are not here.
+  void announce(const IndexBox& chunks, std::int64_t number) const {
+    std::vector<Indices> next;
+    const std::int64_t end = std::min(number + kAhead, chunks.size());
+    for (; number < end; ++number) {
+      Indices index = indicesOf(chunks.first + indexAt(number, chunks.count));
+      const std::lock_guard lock(mutex_);
+      if (!being_read_.contains(index) && cache_.find(index) == nullptr)
+        next.push_back(std::move(index));
+    }
+    array_.announce(next);
+  }
+
+  Indices indicesOf(const Index3& at) const {
     Indices index = fixed_;
     for (std::size_t i = 0; i < index.size(); ++i)
       if (index[i] >= 0) index[i] /= array_.chunk()[i];
     for (int axis = 0; axis < 3; ++axis) index[axes_[axis]] = at[axis];
-    if (ChunkCache::Value chunk = cache_.find(index)) return chunk;
+    return index;
+  }
+
+  // While it lives, other threads that want the chunk wait.
+  struct Reading {
+    const ZarrSource& source;
+    const Indices& index;
+    ~Reading() {
+      {
+        const std::lock_guard lock(source.mutex_);
+        source.being_read_.erase(index);
+      }
+      source.changed_.notify_all();
+    }
+  };
+
+  ChunkCache::Value chunkAt(const Index3& at) const {
+    const Indices index = indicesOf(at);
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return !being_read_.contains(index); });
+      if (ChunkCache::Value chunk = cache_.find(index)) return chunk;
+      being_read_.insert(index);
+    }
+    const Reading reading{*this, index};
     auto voxels = std::make_shared<std::vector<std::byte>>();
     const bool is_stored = array_.readChunk(index, *voxels);
     tally_.note(at, !is_stored);
@@ -243,16 +296,21 @@ class ZarrSource final : public VolumeSource {
   std::array<std::size_t, 3> axes_;
   Indices fixed_;
   std::vector<std::string> group_files_;
+  std::string identity_;  // of an array behind a URL; else empty
   const CancelFlag* cancel_;
   std::uint64_t cache_bytes_;
   mutable ChunkCache cache_;
   mutable ChunkTally tally_;
+  mutable std::mutex mutex_;  // guards the next one
+  mutable std::set<Indices> being_read_;
+  mutable std::condition_variable changed_;
 };
 
 // Opening, step by step.
 class ZarrOpener {
  public:
   ZarrOpener(const std::string& path, const OpenOptions& options) : path_(path), options_(options) {
+    if (isRemotePath(path_)) remote_ = RemoteStore::enter(path_, options.cancel);
     while (path_.size() > 1 && path_.back() == '/') path_.pop_back();
     std::string inside;
     zip_ = zipThrough(path_, inside);
@@ -261,6 +319,10 @@ class ZarrOpener {
   std::unique_ptr<VolumeSource> open() {
     VolumeInfo info;
     info.source = path_;
+    if (remote_ != nullptr && !hasRemoteMetadata())
+      throw unreadable(path_,
+                       "the server has no metadata of a Zarr store there (zarr.json, .zarray or "
+                       ".zattrs); check the address");
     chooseVolume();
     findArray();
     ZarrArray array(array_path_);
@@ -275,11 +337,18 @@ class ZarrOpener {
     place(info, axes);
     info.voxel_type = array.stored().delivered();
     tidyGeometry(path_, info.geometry, info.voxels, info.notes);
+    std::string identity = remote_ == nullptr ? "" : remote_->identityOf(path_);
     return std::make_unique<ZarrSource>(std::move(info), std::move(array), axes, fixed,
-                                        group_files_, options_);
+                                        group_files_, std::move(identity), options_);
   }
 
  private:
+  bool hasRemoteMetadata() const {
+    constexpr std::array kNames = {"/zarr.json", "/.zarray", "/.zattrs", "/.zmetadata"};
+    return std::any_of(kNames.begin(), kNames.end(),
+                       [&](const char* name) { return storeFileIsThere(path_ + name); });
+  }
+
   // Of a group that is no image itself.
   void chooseVolume() {
     const std::string chosen = chooseZarrVolume(path_, options_.image);
@@ -309,7 +378,7 @@ class ZarrOpener {
     // An array that the folder above lists as a level of its image.
     const fs::path parent = fs::path(path_).parent_path();
     const std::string name = fs::path(path_).filename().string();
-    if (parent.empty() || !isZarrFolder(parent.string())) return;
+    if (parent.empty() || (remote_ == nullptr && !isZarrFolder(parent.string()))) return;
     const Json above = zarrAttributes(parent.string());
     for (const Json& multiscale : multiscalesOf(above)) {
       const Json& datasets = member(multiscale, "datasets");
@@ -486,7 +555,8 @@ class ZarrOpener {
 
   std::string path_;
   const OpenOptions& options_;
-  std::shared_ptr<const ZipFile> zip_;  // null: the store is a folder
+  std::shared_ptr<const ZipFile> zip_;   // null: the store is no zip file
+  std::shared_ptr<RemoteStore> remote_;  // null: the store is of this machine
   std::string array_path_;
   Json multiscale_, dataset_, own_;
   bool is_chosen_ = false, is_coarser_ = false;
@@ -497,6 +567,7 @@ class ZarrOpener {
 }  // namespace
 
 bool isZarrFolder(const std::string& path) {
+  if (isRemotePath(path)) return isRemoteVolume(path);
   for (const char* name : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
     if (isRegularFile(path + name) || isLink(path + name))
       return true;  // a link to nowhere too: opening it then fails

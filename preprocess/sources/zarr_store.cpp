@@ -18,8 +18,11 @@
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
+#include "isobrick/preprocess/sources/zarr_remote.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/range_reader.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -198,12 +201,18 @@ std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& 
 }
 
 bool storeFileIsThere(const std::string& path) {
+  if (const auto store = RemoteStore::through(path)) return store->document(path).has_value();
   std::string inside;
   const auto zip = zipThrough(path, inside);
   return zip == nullptr ? inputIsThere(path) : zip->find(inside) != nullptr;
 }
 
 void visitStoreFolders(const std::string& folder, const std::function<bool(std::string)>& f) {
+  if (const auto store = RemoteStore::through(folder)) {
+    for (std::string& name : store->childrenOf(folder))
+      if (!f(std::move(name))) return;
+    return;
+  }
   std::string inside;
   if (const auto zip = zipThrough(folder, inside)) {
     for (std::string& name : zip->childrenOf(inside))
@@ -242,6 +251,10 @@ StoreFile::StoreFile(const std::string& path) : path_(path) {
   file_.emplace(path);
   size_ = file_->size();
 }
+
+StoreFile::StoreFile(const std::string& path, std::shared_ptr<RemoteRanges> ranges,
+                     const CancelFlag* cancel)
+    : path_(path), ranges_(std::move(ranges)), cancel_(cancel), size_(ranges_->size()) {}
 
 void StoreFile::openMember(const std::string& name) {
   constexpr std::uint64_t kHeader = 30;
@@ -283,6 +296,16 @@ std::size_t StoreFile::readAt(std::uint64_t offset, void* out, std::size_t bytes
   if (file_) return file_->readAt(offset, out, bytes);
   if (offset >= size_) return 0;
   bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, size_ - offset));
+  if (ranges_ != nullptr) {
+    try {
+      ranges_->read({offset, bytes}, static_cast<std::byte*>(out));
+    } catch (const ReadFailure& failure) {
+      if (cancel_ != nullptr) cancel_->check();
+      throw ResumableError("'" + path_ + "' " + withAdvice(failure.what(), "run again later"),
+                           {.path = path_, .offset = offset});
+    }
+    return bytes;
+  }
   if (!unpacked_.empty()) {
     std::memcpy(out, unpacked_.data() + offset, bytes);
     return bytes;
@@ -398,9 +421,9 @@ std::string chooseZarrVolume(const std::string& folder, std::optional<std::int64
   const ZarrVolumes volumes(folder);
   const std::vector<std::string>& names = volumes.names();
   if (names.empty())
-    throw unusable(folder,
-                   "it is a Zarr group with neither an image nor an array of three axes; name the "
-                   "folder of one");
+    throw unusable(folder, "it is a Zarr group with neither an image nor an array of three axes",
+                   isRemotePath(folder) ? " that its metadata name" : "",
+                   "; name the folder of one");
   if (!number && names.size() > 1)
     throw unusable(folder, "it holds ", names.size(), " images or arrays: ", quotedList(names),
                    "; name one, as in '", folder, "/", names.front(), "'");

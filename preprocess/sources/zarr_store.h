@@ -1,5 +1,6 @@
-// The files and groups of a Zarr store: in a folder, or in a zip file, through which paths lead as
-// through a folder ("scan.zarr.zip/0/.zarray"). Private to preprocess/sources/.
+// The files and groups of a Zarr store: in a folder, behind a URL (zarr_remote.h), or in a zip
+// file, through which paths lead as through a folder ("scan.zarr.zip/0/.zarray"). Private to
+// preprocess/sources/.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +13,11 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
+
+class RemoteRanges;
 
 // A zip file with its table of members (APPNOTE.TXT of PKWARE, also of more than 4 GiB). All
 // members are thread-safe.
@@ -51,9 +55,10 @@ class ZipFile {
 // is none. As long as one is held, the same path gives the same one, unless the file was changed.
 std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& inside);
 
-// As inputIsThere().
+// As inputIsThere(). Behind a URL: of metadata.
 bool storeFileIsThere(const std::string& path);
-// The folders below one of the store, by name, in no order, as long as f returns true.
+// The folders below one of the store, by name, in no order, as long as f returns true. Behind a URL
+// those that consolidated metadata name.
 void visitStoreFolders(const std::string& folder, const std::function<bool(std::string name)>& f);
 // Whether it is a zip file with a Zarr store in it, at the top or below.
 bool isZarrZip(const std::string& path);
@@ -62,7 +67,11 @@ bool isZarrZip(const std::string& path);
 // whole, and is in memory.
 class StoreFile {
  public:
+  // Of this machine.
   explicit StoreFile(const std::string& path);
+  // Behind a URL, open. `cancel` may be null, and outlives it.
+  StoreFile(const std::string& path, std::shared_ptr<RemoteRanges> ranges,
+            const CancelFlag* cancel);
 
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
@@ -73,6 +82,8 @@ class StoreFile {
 
   std::string path_;
   std::optional<InputFile> file_;
+  std::shared_ptr<RemoteRanges> ranges_;  // of a file behind a URL
+  const CancelFlag* cancel_ = nullptr;
   std::shared_ptr<const ZipFile> zip_;
   std::uint64_t begin_ = 0, size_ = 0;  // in the zip file
   std::vector<std::byte> unpacked_;     // empty: the bytes are in the file

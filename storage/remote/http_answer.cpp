@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstddef>
+#include <utility>
 
 #include "isobrick/storage/lowercase.h"
 
@@ -61,7 +62,9 @@ HttpVerdict judgeRefusal(const HttpHead& head) {
       return never("the server refuses access (" + number + "); check address and keys");
     case 404:
     case 410:
-      return never("the server has no such file (" + number + "); check the address");
+      return {.kind = HttpVerdict::Kind::kNever,
+              .text = "the server has no such file (" + number + "); check the address",
+              .is_missing = status == 404};
     case 412:
       return never(kChanged);
     case 408:
@@ -98,6 +101,19 @@ HttpVerdict judgeRange(const HttpHead& head, std::optional<ContentRange>& range)
   return {};
 }
 
+// `wanted(total)`: the first and the last byte that were asked for of so many.
+template <typename Wanted>
+HttpVerdict judgeFirst(const HttpHead& head, RemoteFile& file, Wanted&& wanted) {
+  if (head.status == 416) return never("the file is empty; build it again");
+  std::optional<ContentRange> range;
+  HttpVerdict verdict = judgeRange(head, range);
+  if (verdict.kind != HttpVerdict::Kind::kGood) return verdict;
+  if (std::pair(range->first, range->last) != wanted(range->total))
+    return never("the server sends other bytes than it was asked for; use another server");
+  file = {range->total, head.etag, head.last_modified};
+  return {};
+}
+
 }  // namespace
 
 std::optional<ContentRange> parseContentRange(std::string_view text) {
@@ -112,14 +128,14 @@ std::optional<ContentRange> parseContentRange(std::string_view text) {
 
 HttpVerdict judgeFirstAnswer(const HttpHead& head, std::uint64_t first, std::uint64_t last,
                              RemoteFile& file) {
-  if (head.status == 416) return never("the file is empty; build it again");
-  std::optional<ContentRange> range;
-  HttpVerdict verdict = judgeRange(head, range);
-  if (verdict.kind != HttpVerdict::Kind::kGood) return verdict;
-  if (range->first != first || range->last != std::min(last, range->total - 1))
-    return never("the server sends other bytes than it was asked for; use another server");
-  file = {range->total, head.etag, head.last_modified};
-  return {};
+  return judgeFirst(
+      head, file, [=](std::uint64_t total) { return std::pair(first, std::min(last, total - 1)); });
+}
+
+HttpVerdict judgeFirstAnswerOfEnd(const HttpHead& head, std::uint64_t bytes, RemoteFile& file) {
+  return judgeFirst(head, file, [=](std::uint64_t total) {
+    return std::pair(total - std::min(bytes, total), total - 1);
+  });
 }
 
 HttpVerdict judgeAnswer(const HttpHead& head, std::uint64_t first, std::uint64_t last,

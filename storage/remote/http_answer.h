@@ -36,12 +36,15 @@ struct HttpVerdict {
   std::string text = {};           // of what is wrong, and behind a semicolon what to do
   double wait_seconds = 0;         // that the server asks for, of kMayPass
   std::string bucket_region = {};  // of kRegion
+  bool is_missing = false;         // kNever, as the server has no such file
 };
 
 // The answer to the first request, of the bytes first .. last. Sets `file` if it is good; fewer
 // bytes are good if the file has no more.
 HttpVerdict judgeFirstAnswer(const HttpHead& head, std::uint64_t first, std::uint64_t last,
                              RemoteFile& file);
+// The same to a first request of the last `bytes` bytes.
+HttpVerdict judgeFirstAnswerOfEnd(const HttpHead& head, std::uint64_t bytes, RemoteFile& file);
 // The answer to one of the later requests, for a range within `file`.
 HttpVerdict judgeAnswer(const HttpHead& head, std::uint64_t first, std::uint64_t last,
                         const RemoteFile& file);

@@ -11,8 +11,8 @@
 namespace isobrick {
 namespace {
 
-// The header, and whatever lies behind it in the same packets.
-constexpr std::uint64_t kFirstBytes = 4096;
+// A signal handler can set a flag and nothing more, so nothing wakes the thread that waits.
+constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
 constexpr double kFirstPause = 0.25, kLongestBackOff = 8;  // seconds
 
 constexpr const char* kAbandoned =
@@ -38,21 +38,28 @@ void forEachPiece(const ByteRange& range, F&& f) {
 HttpConnections::HttpConnections(const RemoteOptions& options)
     : transfers(stallSecondsOf(options)) {}
 
+S3Account HttpConnections::account() {
+  const std::lock_guard lock(mutex);
+  if (!s3_account) s3_account = findS3Account(systemSurroundings());
+  return *s3_account;
+}
+
 HttpRanges::HttpRanges(std::string name, const std::string& url, std::unique_ptr<S3Object> object,
-                       const RemoteOptions& options, std::shared_ptr<HttpConnections> connections)
+                       const FirstRequest& first, const RemoteOptions& options,
+                       std::shared_ptr<HttpConnections> connections)
     : name_(std::move(name)),
       url_(url),
+      first_(first),
       most_tries_(std::max(options.tries, 1)),
       object_(std::move(object)),
       shared_(std::move(connections)),
-      mutex_(shared_->mutex) {
+      mutex_(shared_->mutex),
+      beginning_(std::make_shared<WantedRange>()) {
+  beginning_->range = {0, first_.bytes};
+  beginning_->is_awaited = true;
+  queue_.push(beginning_);
   shared_->transfers.enter(*this);
-  try {
-    open(options.cancel);
-  } catch (...) {
-    shared_->transfers.leave(*this);
-    throw;
-  }
+  shared_->transfers.wake();
 }
 
 HttpRanges::~HttpRanges() {
@@ -61,23 +68,17 @@ HttpRanges::~HttpRanges() {
   for (const auto& [range, wanted] : wanted_) takeFromAhead(*wanted);
 }
 
-void HttpRanges::open(const CancelFlag* cancel) {
+bool HttpRanges::waitUntilOpen(const CancelFlag* cancel) {
   std::unique_lock lock(mutex_);
-  beginning_ = std::make_shared<WantedRange>();
-  beginning_->range = {0, kFirstBytes};
-  beginning_->is_awaited = true;
-  queue_.push(beginning_);
-  shared_->transfers.wake();
-  // A signal handler can set the flag and nothing more, so nothing wakes this thread.
-  constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
   while (beginning_->state != WantedRange::State::kHere &&
          beginning_->state != WantedRange::State::kFailed) {
     changed_.wait_for(lock, kBetweenLooks);
     if (cancel != nullptr) cancel->check();
   }
+  if (is_missing_) return false;
   if (beginning_->state == WantedRange::State::kFailed)
     throw Error("cannot open '" + name_ + "': " + beginning_->failure, {.path = name_});
-  is_open_ = true;
+  return true;
 }
 
 std::string HttpRanges::identity() const {
@@ -98,10 +99,29 @@ void HttpRanges::abandon() {
   changed_.notify_all();
 }
 
+bool HttpRanges::isInBeginning(const ByteRange& range) const {
+  return range.offset >= beginning_->range.offset &&
+         range.offset + range.bytes <= beginning_->end();
+}
+
+// Until it is here, has failed, or is not wanted any more.
+void HttpRanges::waitFor(std::unique_lock<std::mutex>& lock, const WantedRange& wanted) {
+  using enum WantedRange::State;
+  const auto isDone = [&] {
+    return is_abandoned_ || wanted.state == kHere || wanted.state == kFailed;
+  };
+  while (first_.cancel != nullptr && !isDone()) {
+    changed_.wait_for(lock, kBetweenLooks);
+    if (first_.cancel->requested()) is_abandoned_ = true;
+  }
+  changed_.wait(lock, isDone);
+}
+
 void HttpRanges::read(const ByteRange& range, std::byte* out) {
   std::unique_lock lock(mutex_);
-  if (range.offset + range.bytes <= beginning_->range.bytes) {
-    std::memcpy(out, beginning_->data.get() + range.offset, range.bytes);
+  if (isInBeginning(range)) {
+    std::memcpy(out, beginning_->data.get() + (range.offset - beginning_->range.offset),
+                range.bytes);
     return;
   }
   // All of them are asked for before the first is waited for.
@@ -117,8 +137,7 @@ void HttpRanges::read(const ByteRange& range, std::byte* out) {
   using enum WantedRange::State;
   Wanted missing;
   for (const Wanted& wanted : pieces) {
-    changed_.wait(
-        lock, [&] { return is_abandoned_ || wanted->state == kHere || wanted->state == kFailed; });
+    waitFor(lock, *wanted);
     if (wanted->state == kHere)
       std::memcpy(out + (wanted->range.offset - range.offset), wanted->data.get(),
                   wanted->range.bytes);
@@ -170,7 +189,7 @@ void HttpRanges::announce(std::span<const ByteRange> ranges) {
   {
     const std::lock_guard lock(mutex_);
     for (const ByteRange& range : ranges) {
-      if (range.bytes == 0 || range.offset + range.bytes <= beginning_->range.bytes) continue;
+      if (range.bytes == 0 || isInBeginning(range)) continue;
       forEachPiece(range, [&](const ByteRange& piece) {
         if (wanted_.contains({piece.offset, piece.bytes}) || !makeRoom(piece.bytes)) return;
         const Wanted wanted = want(piece);
@@ -225,6 +244,8 @@ HttpRequest HttpRanges::requestFor(Joined& joined) {
   HttpRequest request;
   request.id = ++shared_->next_id;
   request.url = joined.is_shortcut ? redirected_url_ : url_;
+  const bool is_first = joined.wanted.front() == beginning_;
+  if (is_first && first_.is_of_end) request.end_bytes = first_.bytes;
   request.first = joined.first;
   request.last = joined.last;
   request.headers = sameFileHeaders(file_);
@@ -236,15 +257,18 @@ HttpRequest HttpRanges::requestFor(Joined& joined) {
 bool HttpRanges::onHead(std::uint64_t id, const HttpHead& head) {
   const std::lock_guard lock(mutex_);
   Joined& joined = underway_.at(id);
-  if (is_open_) {
+  if (joined.wanted.front() != beginning_) {
     joined.verdict = judgeAnswer(head, joined.first, joined.last, file_);
   } else {
     RemoteFile file;
-    joined.verdict = judgeFirstAnswer(head, joined.first, joined.last, file);
+    joined.verdict = first_.is_of_end ? judgeFirstAnswerOfEnd(head, first_.bytes, file)
+                                      : judgeFirstAnswer(head, 0, first_.bytes - 1, file);
     if (joined.verdict.kind == HttpVerdict::Kind::kGood) {
       file_ = file;
-      beginning_->range.bytes = std::min(kFirstBytes, file.bytes);
-      joined.last = beginning_->range.bytes - 1;
+      const std::uint64_t bytes = std::min(first_.bytes, file.bytes);
+      beginning_->range = {first_.is_of_end ? file.bytes - bytes : 0, bytes};
+      joined.first = beginning_->range.offset;
+      joined.last = beginning_->end() - 1;
     }
   }
   if (joined.verdict.kind != HttpVerdict::Kind::kGood) return false;
@@ -316,6 +340,7 @@ bool HttpRanges::isToRepeat(Joined& joined, const HttpEnd& end) {
   if (kind == Kind::kRegion && object_ != nullptr && !joined.had_other_region) {
     joined.had_other_region = true;
     object_->useRegion(joined.verdict.bucket_region);
+    shared_->s3_account = object_->account();
     return true;
   }
   // The address that an earlier request was redirected to may serve for a while only.
@@ -327,7 +352,7 @@ bool HttpRanges::isToRepeat(Joined& joined, const HttpEnd& end) {
   const bool may_pass = kind == Kind::kMayPass || (!end.was_refused && end.may_pass);
   if (!may_pass || joined.tries >= most_tries_) return false;
   // A wrong address is said at once; a server that was there may come back.
-  if (end.is_unreached && !is_open_) return false;
+  if (end.is_unreached && !shared_->was_reached) return false;
   const double back_off = std::min(kFirstPause * std::exp2(joined.tries - 1), kLongestBackOff);
   const double share = std::uniform_real_distribution<double>(0.5, 1)(random_);
   const double pause = std::max(back_off * share, joined.verdict.wait_seconds);
@@ -336,18 +361,21 @@ bool HttpRanges::isToRepeat(Joined& joined, const HttpEnd& end) {
 }
 
 void HttpRanges::finish(const Joined& joined) {
+  shared_->was_reached = true;
   for (const Wanted& wanted : joined.wanted) wanted->state = WantedRange::State::kHere;
 }
 
 void HttpRanges::fail(const Joined& joined, const std::string& text) {
   const std::string tries =
       joined.tries > 1 ? " (tried " + std::to_string(joined.tries) + " times)" : "";
-  std::string whole = (is_open_ ? "cannot be read: " : "") + text;
+  const bool is_first = joined.wanted.front() == beginning_;
+  is_missing_ = is_missing_ || (is_first && joined.verdict.is_missing);
+  std::string whole = (is_first ? "" : "cannot be read: ") + text;
   whole.insert(std::min(whole.find(';'), whole.size()), tries);
   for (const Wanted& wanted : joined.wanted) {
     wanted->state = WantedRange::State::kFailed;
     wanted->failure = whole;
-    if (wanted->readers == 0) forget(wanted);  // a later read asks again
+    if (wanted->readers == 0 && !is_first) forget(wanted);  // a later read asks again
   }
 }
 

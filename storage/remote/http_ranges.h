@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "isobrick/storage/range_reader.h"
 #include "isobrick/storage/remote/http_answer.h"
 #include "isobrick/storage/remote/http_transfers.h"
+#include "isobrick/storage/remote/open_remote.h"
 #include "isobrick/storage/remote/range_queue.h"
 #include "isobrick/storage/remote/s3_object.h"
 #include "isobrick/storage/remote_options.h"
@@ -23,20 +25,25 @@ namespace isobrick {
 
 class HttpRanges;
 
-// The files of one pyramid share a thread, its connections, and the bound on ranges that are
-// announced and not read yet. Outlives them.
+// The files of one pyramid or store share a thread, its connections, and the bound on ranges that
+// are announced and not read yet. Outlives them.
 struct HttpConnections {
   // Throws Error as HttpTransfers.
   explicit HttpConnections(const RemoteOptions& options);
+
+  // That of S3, looked for once. Throws Error as findS3Account().
+  S3Account account();
 
   struct Ahead {
     HttpRanges* owner;
     RangeQueue::Wanted wanted;
   };
-  std::mutex mutex;                      // guards the three below, and all files
+  std::mutex mutex;                      // guards all below but `transfers`, and all files
   std::map<std::uint64_t, Ahead> ahead;  // announced and not read yet, the oldest first
   std::uint64_t ahead_bytes = 0;
   std::uint64_t next_id = 0;
+  bool was_reached = false;             // a server has answered
+  std::optional<S3Account> s3_account;  // with the region that a server named
   HttpTransfers transfers;
 };
 
@@ -50,17 +57,18 @@ struct HttpConnections {
 // The first answer says how long the file is and how it is known again (ETag, time of change). A
 // later one of another file ends the read with an error, whether the server heeds conditions or
 // not.
-class HttpRanges final : public RangeReader, private HttpClient {
+class HttpRanges final : public RemoteRanges, private HttpClient {
  public:
   static constexpr std::chrono::microseconds kLinger{1000};
   static constexpr std::uint64_t kMostAheadBytes = std::uint64_t{64} << 20;
 
-  // `name` is for messages; `object` is null, or what the URL is of. Waits for the file's first
-  // bytes. Throws Error.
+  // `name` is for messages; `object` is null, or what the URL is of.
   HttpRanges(std::string name, const std::string& url, std::unique_ptr<S3Object> object,
-             const RemoteOptions& options, std::shared_ptr<HttpConnections> connections);
+             const FirstRequest& first, const RemoteOptions& options,
+             std::shared_ptr<HttpConnections> connections);
   ~HttpRanges() override;
 
+  bool waitUntilOpen(const CancelFlag* cancel) override;
   std::uint64_t size() const override { return file_.bytes; }
   void read(const ByteRange& range, std::byte* out) override;
   void announce(std::span<const ByteRange> ranges) override;
@@ -83,7 +91,8 @@ class HttpRanges final : public RangeReader, private HttpClient {
     bool had_other_region = false, had_detour = false;
   };
 
-  void open(const CancelFlag* cancel);
+  bool isInBeginning(const ByteRange& range) const;
+  void waitFor(std::unique_lock<std::mutex>& lock, const WantedRange& wanted);
   Wanted want(const ByteRange& range);
   void takeFromAhead(WantedRange& wanted);
   void forget(const Wanted& wanted);
@@ -100,15 +109,16 @@ class HttpRanges final : public RangeReader, private HttpClient {
 
   const std::string name_;
   const std::string url_;
+  const FirstRequest first_;
   const int most_tries_;
   const std::unique_ptr<S3Object> object_;
 
   const std::shared_ptr<HttpConnections> shared_;
   std::mutex& mutex_;  // that of all; guards all below
   std::condition_variable changed_;
-  RemoteFile file_;   // does not change once it is open
+  RemoteFile file_;   // does not change once the first answer is here
   Wanted beginning_;  // what the first request brings
-  bool is_open_ = false;
+  bool is_missing_ = false;
   bool is_abandoned_ = false;
   std::string redirected_url_;  // that answered in place of url_; empty: that did
   RangeQueue queue_;

@@ -60,7 +60,9 @@ class Exchange {
     }
     set(CURLOPT_URL, request.url.c_str());
     set(CURLOPT_HTTPHEADER, headers_);
-    const std::string range = std::to_string(request.first) + "-" + std::to_string(request.last);
+    const std::string range =
+        request.end_bytes > 0 ? "-" + std::to_string(request.end_bytes)
+                              : std::to_string(request.first) + "-" + std::to_string(request.last);
     set(CURLOPT_RANGE, range.c_str());
     set(CURLOPT_USERAGENT, "isobrick");
     // "a/../b" may be the name of an object; later libcurls do not sign such names (S3Object

@@ -19,11 +19,12 @@ struct S3Signature {
   std::string id, secret, region;
 };
 
-// A GET of the bytes first .. last, both included.
+// A GET of the bytes first .. last, both included, or of the last ones of a file.
 struct HttpRequest {
   std::uint64_t id = 0;  // the client's
   std::string url;       // http:// or https://
   std::uint64_t first = 0, last = 0;
+  std::uint64_t end_bytes = 0;       // above 0: the last so many bytes instead
   std::vector<std::string> headers;  // more of them, a whole line each
   std::optional<S3Signature> signature;
   bool follows_redirects = true;  // at most HttpTransfers::kMostRedirects, and never to http://

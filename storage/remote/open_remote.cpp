@@ -15,19 +15,21 @@ std::shared_ptr<HttpConnections> makeHttpConnections(const RemoteOptions& option
   return std::make_shared<HttpConnections>(options);
 }
 
-std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions& options,
-                                              std::shared_ptr<HttpConnections> connections) {
+std::unique_ptr<RemoteRanges> askForRemoteRanges(const std::string& url, const FirstRequest& first,
+                                                 const RemoteOptions& options,
+                                                 std::shared_ptr<HttpConnections> connections) {
   std::unique_ptr<S3Object> object;
   if (lowercase(url.substr(0, 5)) == "s3://")
-    object = std::make_unique<S3Object>(url, findS3Account(systemSurroundings()));
-  return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(object), options,
+    object = std::make_unique<S3Object>(url, connections->account());
+  return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(object), first, options,
                                       std::move(connections));
 }
 #else
 std::shared_ptr<HttpConnections> makeHttpConnections(const RemoteOptions&) { return nullptr; }
 
-std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions&,
-                                              std::shared_ptr<HttpConnections>) {
+std::unique_ptr<RemoteRanges> askForRemoteRanges(const std::string& url, const FirstRequest&,
+                                                 const RemoteOptions&,
+                                                 std::shared_ptr<HttpConnections>) {
   const std::string name = withoutSecrets(url);
   throw Error("cannot open '" + name +
                   "': isobrick was built without HTTP; copy the file, or build isobrick with "
@@ -35,5 +37,15 @@ std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const Remo
               {.path = name});
 }
 #endif
+
+std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions& options,
+                                              std::shared_ptr<HttpConnections> connections) {
+  auto ranges = askForRemoteRanges(url, {}, options, std::move(connections));
+  const std::string name = withoutSecrets(url);
+  if (!ranges->waitUntilOpen(options.cancel))
+    throw Error("cannot open '" + name + "': the server has no such file (404); check the address",
+                {.path = name});
+  return ranges;
+}
 
 }  // namespace isobrick

@@ -241,4 +241,9 @@ void S3Object::useRegion(const std::string& region) {
   if (isRegionName(region)) account_.region = region;
 }
 
+S3Account S3Object::account() const {
+  const std::lock_guard lock(mutex_);
+  return account_;
+}
+
 }  // namespace isobrick

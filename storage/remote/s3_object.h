@@ -57,6 +57,8 @@ class S3Object {
   void address(HttpRequest& request) const;
   // The bucket is in that region.
   void useRegion(const std::string& region);
+  // With that region.
+  S3Account account() const;
 
  private:
   std::string bucket_, key_;

@@ -4,7 +4,8 @@
 usage: range_server.py FOLDER [--waves MS] [--certificate PEM]
 
 Listens on a free port of 127.0.0.1, prints the port and serves until its stdin ends. The first part of a
-path says how it behaves, the second names a file in FOLDER: /good/scan.isb. `BEHAVIOURS` lists all.
+path says how it behaves, the rest names a file in FOLDER: /good/scan.isb, /good/scan.zarr/0/zarr.json.
+`BEHAVIOURS` lists all.
 /stats answers with what was asked for so far, as JSON.
 
 --waves MS: answers nothing before no request has come for MS milliseconds, then all that wait at once. So
@@ -69,10 +70,14 @@ class Request:
         self.behaviour = parts[0]
         self.words = parts[1:-1]
         self.name = parts[-1]
-        if self.words and self.words[-1].endswith(".isbs"):
-            self.name = self.words.pop() + "/" + self.name
-        found = re.fullmatch(r"bytes=(\d+)-(\d+)", headers.get("range", ""))
+        stores = [i for i, word in enumerate(self.words) if word.endswith((".isbs", ".zarr"))]
+        if stores:
+            self.name = "/".join(self.words[stores[0]:] + [self.name])
+            self.words = self.words[:stores[0]]
+        asked = headers.get("range", "")
+        found = re.fullmatch(r"bytes=(\d+)-(\d+)", asked)
         self.first, self.last = (int(found[1]), int(found[2])) if found else (None, None)
+        self.end_bytes = int(asked[len("bytes=-"):]) if re.fullmatch(r"bytes=-(\d+)", asked) else None
 
 
 def head(status, fields, reason="Text"):
@@ -157,6 +162,8 @@ def good(handler, request, number, etag=ETAG, modified=MODIFIED, heeds=True, cha
         return handler.send(answer(412))
     if heeds and request.headers.get("if-unmodified-since", modified) != modified:
         return handler.send(answer(412))
+    if request.end_bytes and len(data) > 0:
+        request.first, request.last = max(0, len(data) - request.end_bytes), len(data) - 1
     if request.first is None or request.first >= len(data):
         return handler.send(answer(416, Content_Range=f"bytes */{len(data)}"))
     last = min(request.last, len(data) - 1)
@@ -433,6 +440,29 @@ def slow(handler, request, number):
     return good(handler, request, number)
 
 
+def is_chunk(request):
+    """A chunk of a store of Zarr 2, rather than its metadata."""
+    return request.name.rsplit("/", 1)[-1].isdigit()
+
+
+def refuses_chunks(handler, request, number):
+    """/refuses-chunks/STATUS/STORE: serves the metadata alone."""
+    if is_chunk(request):
+        return handler.send(answer(int(request.words[0]), b"no"))
+    return good(handler, request, number)
+
+
+def cuts_chunks(handler, request, number):
+    """Breaks off in the middle of every chunk."""
+    is_cut = is_chunk(request) and os.path.exists(data_of(request).path)
+    return too_little(handler, request, 2) if is_cut else good(handler, request, number)
+
+
+def once_busy(handler, request, number):
+    """Serves nothing before it was asked for it twice."""
+    return handler.send(answer(503, b"no")) if number == 1 else good(handler, request, number)
+
+
 def secret(handler, request, number):
     """Asks for the user 'ann' with the password 'pass'."""
     if request.headers.get("authorization") != "Basic YW5uOnBhc3M=":
@@ -450,7 +480,7 @@ BEHAVIOURS = {
     "fails": fails, "resets": resets, "ends": ends, "changes": changes, "cut": cut,
     "without-marks": without_marks, "weak": weak, "packed": packed, "content-range": content_range,
     "multipart": multipart, "headers-without-end": headers_without_end, "empty": empty, "slow": slow,
-    "secret": secret,
+    "refuses-chunks": refuses_chunks, "cuts-chunks": cuts_chunks, "once-busy": once_busy, "secret": secret,
 }
 
 

@@ -167,6 +167,8 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
   for (const Words& words : {Words{"--half"},
                              {"--vdb-background", "3"},
                              {"--vdb-tolerance", "3"},
+                             {"--zarr-version", "2"},
+                             {"--zarr-shard", "128"},
                              {"--codec", "zstd"},
                              {"--no-curvature"}}) {
     Words all{"convert", "head.isb", "-o", "a.nrrd"};
@@ -191,6 +193,13 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
     expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "colour=1"}, "component");
   }
   expectFailure(2, {"convert", "head.nii", "-o", "a.isb", "--no-map"}, "--no-map is for pyramids");
+  expectFailure(2, {"convert", "head.nii", "-o", "a.zarr", "--zarr-version", "4"},
+                "--zarr-version");
+  expectFailure(2, {"convert", "head.nii", "-o", "a.zarr", "--zarr-shard", "100"},
+                "no multiple of 64");
+  expectFailure(
+      2, {"convert", "head.nii", "-o", "a.zarr", "--zarr-shard", "64", "--zarr-version", "2"},
+      "Zarr 2 has no shards");
   expectFailure(2,
                 {"convert", "head.isb", "-o", "a.nii", "--raw-dims", "9,9,9", "--raw-type", "u8"},
                 "--raw-dims is for");

@@ -59,7 +59,7 @@ def main():
     across = float(sys.argv[4]) if len(sys.argv) > 4 else 400.0
     surface_only = len(sys.argv) > 5
     image = zarr.open_group(volume, mode="r")
-    levels = image.attrs["multiscales"][0]["datasets"]
+    levels = image.attrs.get("ome", image.attrs)["multiscales"][0]["datasets"]
     values = image[levels[-1]["path"]][:]
     spacing = levels[0]["coordinateTransformations"][0]["scale"]
     shader = f"#uicontrol invlerp grey(range=[{values.min()}, {values.max()}])\nvoid main() {{ emitGrayscale(grey()); }}"

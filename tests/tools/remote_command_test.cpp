@@ -116,7 +116,7 @@ TEST_F(RemoteCommandTest, FailuresAreOneLine) {
   expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "http://host/x.ply"},
                 "isobrick writes files alone");
   expectFailure(1, {"convert", url(), "-o", "s3://bucket/x.nrrd"}, "isobrick writes files alone");
-  expectFailure(1, {"build", url(), "-o", "x.isb"}, "behind a URL isobrick reads pyramids alone");
+  expectFailure(1, {"build", url(), "-o", "x.isb"}, "behind a URL isobrick reads OME-Zarr alone");
   expectFailure(1, {"info", "s3://bucket"}, "names no object");
   expectFailure(2, {"bench", url(), "--iso", "500", "--page-cache", "cold"}, "no page cache");
 }

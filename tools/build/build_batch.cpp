@@ -13,6 +13,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/build/build_report.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -207,7 +208,8 @@ class GlobMatches {
 }  // namespace
 
 bool isInputPattern(const std::string& word) {
-  return word.find_first_of("*?[") != std::string::npos && !isNameTaken(word);
+  return word.find_first_of("*?[") != std::string::npos && !isRemotePath(word) &&
+         !isNameTaken(word);
 }
 
 std::vector<std::string> expandInputs(const std::vector<std::string>& words) {

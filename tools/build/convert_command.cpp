@@ -292,6 +292,9 @@ void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
   if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
   refuseUnfitOutputOptions(*arguments.input.parser, arguments.output);
+  if (arguments.write.zarr_version == 2 &&
+      findOption(*arguments.input.parser, "--zarr-shard")->count() > 0)
+    throw UsageError("Zarr 2 has no shards; leave out --zarr-shard or --zarr-version 2");
   if ((arguments.with_ranges || arguments.with_curvature) &&
       (arguments.window || arguments.input.spacing || arguments.input.origin))
     throw UsageError(
@@ -343,6 +346,26 @@ void addVdbOptions(CLI::App& app, ExportOptions& options) {
   app.add_flag("--half", options.vdb_half, "Half floats in a .vdb");
 }
 
+void addZarrOptions(CLI::App& app, ExportOptions& options) {
+  app.add_option("--zarr-version", options.zarr_version,
+                 "Of Zarr, for .ome.zarr: 3 for OME-Zarr 0.5, with shards; 2 for OME-Zarr 0.4, a "
+                 "file for each chunk of 64 voxels an axis; default: 3")
+      ->type_name("N")
+      ->check(CLI::IsMember({2, 3}));
+  const auto parseShard = [](const std::string& text) {
+    const std::int64_t voxels = integerWithin(64, 4096)(text);
+    if (voxels % 64 != 0)
+      throw std::invalid_argument(
+          fmt::format("'{}' is no multiple of 64, the voxels of a chunk "
+                      "along an axis",
+                      text));
+    return voxels;
+  };
+  addParsedOption(app, "--zarr-shard", options.zarr_shard, parseShard, "VOXELS",
+                  "Voxels of a shard along each axis, for .ome.zarr of version 3: a multiple of "
+                  "64; default: 512");
+}
+
 }  // namespace
 
 Command addConvertCommand(CLI::App& app) {
@@ -352,7 +375,7 @@ Command addConvertCommand(CLI::App& app) {
   arguments->build.keep_unfinished = false;  // there is no --resume
   sub->add_option("IN", arguments->input.path,
                   "Pyramid (.isb), also behind http://, https:// or s3://; or a volume in any "
-                  "format that `build` reads")
+                  "format that `build` reads, OME-Zarr also behind such a URL")
       ->type_name("PATH")
       ->required();
   beginGroup(*sub, kOutputGroup);
@@ -376,6 +399,7 @@ Command addConvertCommand(CLI::App& app) {
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
   addVdbOptions(*sub, arguments->write);
+  addZarrOptions(*sub, arguments->write);
   sub->add_flag("--with-ranges", arguments->with_ranges,
                 "Of a pyramid, beside each level in a .vdb the least and the greatest value of "
                 "every tile: grids min, max, min_level1, ...");

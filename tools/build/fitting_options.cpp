@@ -54,6 +54,7 @@ const OptionFit kFits[] = {
      {"--half", "--vdb-background", "--vdb-tolerance", "--with-ranges", "--with-curvature"},
      ".vdb",
      {".vdb"}},
+    {Side::kOutput, {"--zarr-version", "--zarr-shard"}, ".ome.zarr", {".zarr"}},
     {Side::kOutput, {"--lossy"}, ".vdb and slices of .exr", {".vdb", ".exr"}},
     {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
     {Side::kOutput, {"--codec", "--no-curvature"}, ".isb", {".isb"}},

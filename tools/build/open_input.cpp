@@ -79,7 +79,7 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
   app.add_option("INPUT", paths,
                  "Volumes: NRRD, MetaImage, NIfTI, VTI, VDB, TIFF, ... files, folders of a DICOM "
                  "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too; "
-                 "phantom:NAME:SIZE, or phantom:NAME:SIZE:TYPE")
+                 "URLs of OME-Zarr; phantom:NAME:SIZE, or phantom:NAME:SIZE:TYPE")
       ->type_name("PATH")
       ->required();
   addOpenOptions(app, options);

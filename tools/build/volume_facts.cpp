@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -48,7 +49,8 @@ Json factsOfVolume(VolumeSource& source, const BuildOptions& options) {
   const VolumeInfo& info = source.info();
   const GridGeometry& geometry = info.geometry;
   VoxelSample sample;
-  if (source.readsBoxes() || volumeBytes(info) <= kMostBytesInOrder)
+  const bool is_far = isRemotePath(info.source);  // the facts cost its metadata alone
+  if (!is_far && (source.readsBoxes() || volumeBytes(info) <= kMostBytesInOrder))
     visitVoxelType(info.voxel_type,
                    [&](auto tag) { sample = sampleVoxels<typename decltype(tag)::Type>(source); });
   std::vector<std::string> notes = info.notes;

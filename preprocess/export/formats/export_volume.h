@@ -25,6 +25,11 @@ struct ExportOptions : VolumeWriteOptions {
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
   // lose nothing, are always written so.
   bool vdb_half = false;
+  // OME-Zarr: 3 writes version 0.5 (Zarr 3, chunks of 64 voxels an axis in shards), 2 writes 0.4
+  // (Zarr 2, a file for each chunk).
+  int zarr_version = 3;
+  // Of version 3: voxels of a shard along each axis, a multiple of 64.
+  std::int64_t zarr_shard = 512;
   // Values may change by more than a thousandth of their range if the format's types do not hold
   // them; without it that is refused, once all are known.
   bool is_lossy = false;
@@ -35,7 +40,7 @@ struct ExportOptions : VolumeWriteOptions {
 //   .h5        HDF5: one dataset, named as in "file.h5:/path"
 //   .exr       OpenEXR, a slice each, in a folder of their own: "slices/%04d.exr"
 //   .tif       TIFF, likewise, or in one file of several pages
-//   .ome.zarr  OME-Zarr 0.4, a folder: an array for each level
+//   .ome.zarr  OME-Zarr 0.5 or 0.4, a folder: an array for each level
 // docs/FORMATS.md says what each format keeps. Several levels are refused if the format has one.
 //
 // The output appears under its name when it is whole; a file of that name is replaced. Throws Error

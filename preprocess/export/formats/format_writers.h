@@ -64,11 +64,13 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
 VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
                            const ExportOptions& options);
 
-// Writes a folder, OME-Zarr 0.4 (Zarr version 2): an array for each level, of chunks of 64 voxels
-// an axis, packed by Blosc with LZ4; chunks of nothing but 0 are left out. Sample i of level l lies
-// at index i * 2^l of level 0, so that scale doubles and the translation stays. The direction, for
-// which the format has no place, goes into an attribute of isobrick's own. Chunks are packed and
-// written in parallel; a source that is read in order waits in a temporary file beside the output.
+// Writes a folder, OME-Zarr 0.5 (Zarr 3) or 0.4 (Zarr 2), as options.zarr_version says: an array
+// for each level, of chunks of 64 voxels an axis; chunks of nothing but 0 are left out. Blosc packs
+// them: in 0.5 with Zstandard, and many chunks are one file, a shard with an index at its end that
+// has a checksum (CRC-32C); in 0.4 with LZ4. Sample i of level l lies at index i * 2^l of level 0,
+// so that scale doubles and the translation stays. The direction, for which the format has no
+// place, goes into an attribute of isobrick's own. Chunks are packed in parallel; a source that is
+// read in order waits in a temporary file beside the output.
 VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options);
 

@@ -117,6 +117,37 @@ TEST_F(ExportVolumeTest, EveryFormatKeepsVoxelsAndAnObliqueGeometry) {
   checkRoundTrips<float>();
 }
 
+// Two chunks along x and y, three along z; in shards of one and of eight chunks, some beyond the
+// volume.
+TEST_F(ExportVolumeTest, OmeZarrIsTheSameVolumeInBothVersionsAndInShardsOfAnySize) {
+  const Index3 voxels(100, 65, 130);
+  const auto values = wildValues<std::uint16_t>(voxels);
+  const auto write = [&](const std::string& name, int version, std::int64_t shard) {
+    VolumeLevels levels;
+    levels.push_back(
+        std::make_unique<ArraySource<std::uint16_t>>(voxels, values, obliqueGeometry()));
+    ExportOptions options;
+    options.zarr_version = version;
+    options.zarr_shard = shard;
+    const VolumeWriteReport report = exportVolume(levels, pathOf(name), options);
+    std::uint64_t bytes = 0, files = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(pathOf(name)))
+      if (entry.is_regular_file()) {
+        bytes += entry.file_size();
+        ++files;
+      }
+    EXPECT_EQ(report.bytes, bytes) << name;
+    const auto source = openVolume(pathOf(name));
+    expectGeometry(source->info().geometry, obliqueGeometry(), 1e-12);
+    EXPECT_EQ(readVoxels<std::uint16_t>(*source, 9), values) << name;
+    return files;
+  };
+  EXPECT_EQ(write("one.zarr", 3, 512), 2u + 1);
+  EXPECT_EQ(write("two.zarr", 3, 128), 2u + 2);
+  EXPECT_EQ(write("twelve.zarr", 3, 64), 2u + 12);
+  EXPECT_EQ(write("chunks.zarr", 2, 512), 3u + 12);
+}
+
 TEST_F(ExportVolumeTest, WhatAFormatLosesIsSaid) {
   const auto values = wildValues<std::uint8_t>();
   EXPECT_TRUE(write("a.nrrd", values, obliqueGeometry()).lost.empty());

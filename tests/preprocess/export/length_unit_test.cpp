@@ -248,10 +248,10 @@ TEST_F(LengthUnitTest, NiftiScalesTheOriginToo) {
 TEST_F(LengthUnitTest, OmeZarrScalesEveryAxisByItsOwnUnit) {
   writeSample("a.ome.zarr", LengthUnit::kMillimetre);
   const auto setUnits = [&](const std::array<const char*, 3>& zyx) {
-    const std::string path = pathOf("a.ome.zarr/.zattrs");
+    const std::string path = pathOf("a.ome.zarr/zarr.json");
     auto json = nlohmann::json::parse(readBytes(path));
     for (std::size_t i = 0; i < 3; ++i) {
-      auto& axis = json["multiscales"][0]["axes"][i];
+      auto& axis = json["attributes"]["ome"]["multiscales"][0]["axes"][i];
       axis.erase("unit");
       if (*zyx[i] != '\0') axis["unit"] = zyx[i];
     }

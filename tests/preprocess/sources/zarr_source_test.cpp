@@ -30,7 +30,9 @@ class ZarrSourceTest : public VolumeFilesTest {
     levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(
         kZarrVoxels,
         std::vector<std::uint8_t>(static_cast<std::size_t>(elementCount(kZarrVoxels)), 9)));
-    exportVolume(levels, store_, {});
+    ExportOptions options;
+    options.zarr_version = 2;  // a file for each chunk
+    exportVolume(levels, store_, options);
   }
 
   std::string chunk(const std::string& name) const { return store_ + "/0/" + name; }

@@ -161,6 +161,71 @@ TEST_F(HttpRangesTest, TheFirstBytesComeWithTheOpening) {
   EXPECT_EQ(shorter->counters().requests, 1u);
 }
 
+TEST_F(HttpRangesTest, TheFirstRequestMayBeOfTheEnd) {
+  const auto connections = makeHttpConnections(options_);
+  const auto ask = [&](const std::string& path, std::uint64_t bytes) {
+    return askForRemoteRanges(server_.url(path), {.bytes = bytes, .is_of_end = true}, options_,
+                              connections);
+  };
+  const auto reader = ask("good/data", 8196);
+  ASSERT_TRUE(reader->waitUntilOpen(nullptr));
+  EXPECT_EQ(reader->size(), kObjectBytes);
+  EXPECT_EQ(read(*reader, kObjectBytes - 8196, 8196), "");
+  EXPECT_EQ(reader->counters().requests, 1u);
+  EXPECT_EQ(read(*reader, kObjectBytes - 8197, 100), "");
+  EXPECT_EQ(read(*reader, 0, 100), "");
+  EXPECT_EQ(reader->counters().requests, 3u);
+  const auto shorter = ask("good/short", 8196);
+  ASSERT_TRUE(shorter->waitUntilOpen(nullptr));
+  EXPECT_EQ(read(*shorter, 0, 100), "") << "all of it is its end";
+  EXPECT_EQ(shorter->counters().requests, 1u);
+  const auto broken = ask("fails/503/first/data", 8196);
+  EXPECT_THROW(broken->waitUntilOpen(nullptr), Error);
+  EXPECT_EQ(broken->counters().requests, 3u);
+}
+
+TEST_F(HttpRangesTest, OnlyNoSuchFileIsMissing) {
+  const auto connections = makeHttpConnections(options_);
+  const auto ask = [&](const std::string& path) {
+    return askForRemoteRanges(server_.url(path), {}, options_, connections);
+  };
+  const auto missing = ask("good/none"), gone = ask("fails/410/first/data"),
+             forbidden = ask("fails/403/first/data");
+  EXPECT_FALSE(missing->waitUntilOpen(nullptr));
+  EXPECT_FALSE(missing->waitUntilOpen(nullptr)) << "asked again";
+  EXPECT_THROW(gone->waitUntilOpen(nullptr), Error);
+  EXPECT_THROW(forbidden->waitUntilOpen(nullptr), Error);
+}
+
+// As the chunks of a volume, which lie in a file each.
+TEST_F(HttpRangesTest, ManyFilesAreAskedForAtOnce) {
+  const RangeServer server(folder_.path(), {"--waves", "200"});
+  const auto connections = makeHttpConnections(options_);
+  std::vector<std::unique_ptr<RemoteRanges>> files;
+  for (int i = 0; i < 20; ++i)
+    files.push_back(askForRemoteRanges(server.url("good/data"), {.bytes = kObjectBytes + 1},
+                                       options_, connections));
+  for (const auto& file : files) {
+    ASSERT_TRUE(file->waitUntilOpen(nullptr));
+    EXPECT_EQ(read(*file, 0, kObjectBytes), "");
+  }
+  EXPECT_EQ(server.requests(), 20u);
+  EXPECT_LE(server.waves(), 2u);
+}
+
+TEST_F(HttpRangesTest, AReadEndsWithTheFlag) {
+  CancelFlag cancel;
+  const auto reader = askForRemoteRanges(server_.url("hangs/2/data"), {.cancel = &cancel},
+                                         {.stall_seconds = 60}, makeHttpConnections(options_));
+  ASSERT_TRUE(reader->waitUntilOpen(&cancel));
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    cancel.request();
+  });
+  EXPECT_NE(read(*reader, 10'000, 10), "");
+  later.join();
+}
+
 TEST_F(HttpRangesTest, ManyThreadsReadAtOnce) {
   const auto reader = open("good/data");
   std::vector<std::thread> threads;
