@@ -83,6 +83,13 @@ struct SimplifyOptions {
   bool operator==(const SimplifyOptions&) const = default;
 };
 
+// The side of a surface on which the object lies. The surface is the same; its triangles and
+// normals look away from the object.
+enum class InsideOf {
+  kAbove,  // values of at least the isovalue: bright things
+  kBelow,  // values below it: dark things, and level sets, which are negative inside
+};
+
 // Which surface it is, and how fine. Two queries with the same choice give the same surface.
 struct SurfaceChoice : DetailChoice {
   // The surface separates value >= isovalue (inside) from value < isovalue. In the values of the

@@ -7,8 +7,6 @@
 #include <glm/common.hpp>
 #include <glm/vec4.hpp>
 
-#include "isobrick/extract/sinks/gltf_text.h"
-
 namespace isobrick {
 namespace {
 
@@ -47,22 +45,21 @@ std::vector<std::uint32_t> allTriangles(const std::vector<MeshoptPiece>& pieces)
 
 class ChunkPacker {
  public:
-  void addVertices(PackedChunk::View view, const void* data, std::size_t count,
-                   std::size_t stride) {
+  void addVertices(const void* data, std::size_t count, std::size_t stride) {
     buffer_.resize(meshopt_encodeVertexBufferBound(count, stride));
-    add(view, count, stride,
+    add(count, stride,
         meshopt_encodeVertexBuffer(buffer_.data(), buffer_.size(), data, count, stride));
   }
   void addTriangles(const std::vector<std::uint32_t>& corners, std::size_t vertices) {
     buffer_.resize(meshopt_encodeIndexBufferBound(corners.size(), vertices));
-    add(PackedChunk::kTriangles, corners.size(), sizeof(std::uint32_t),
+    add(corners.size(), sizeof(std::uint32_t),
         meshopt_encodeIndexBuffer(buffer_.data(), buffer_.size(), corners.data(), corners.size()));
   }
   PackedChunk take() { return std::move(packed_); }
 
  private:
-  void add(PackedChunk::View view, std::size_t count, std::size_t stride, std::size_t bytes) {
-    packed_.views[view] = {count, stride, packed_.bytes.size(), bytes};
+  void add(std::size_t count, std::size_t stride, std::size_t bytes) {
+    packed_.views.push_back({count, stride, packed_.bytes.size(), bytes});
     const auto* const begin = reinterpret_cast<const std::byte*>(buffer_.data());
     packed_.bytes.insert(packed_.bytes.end(), begin, begin + bytes);
     packed_.bytes.resize((packed_.bytes.size() + 3) & ~std::size_t{3});
@@ -101,7 +98,6 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   chooseIndexVersion();
   std::vector<glm::i32vec3> positions = allOf(pieces, &MeshoptPiece::positions);
   std::vector<glm::vec3> normals = allOf(pieces, &MeshoptPiece::normals);
-  std::vector<float> values = allOf(pieces, &MeshoptPiece::values);
   const std::vector<std::uint32_t> triangles = allTriangles(pieces);
 
   // Triangles that share corners come together, vertices in the order in which triangles use them.
@@ -118,7 +114,6 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   };
   rearrange(positions);
   rearrange(normals);
-  if (!values.empty()) rearrange(values);
 
   ChunkPacker packer;
   glm::i32vec3 least = positions[0], greatest = positions[0];
@@ -132,15 +127,25 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
           static_cast<std::uint32_t>(lattice.exponent) << 24 |
           (static_cast<std::uint32_t>(positions[v][axis]) & 0xFFFFFF);
   }
-  packer.addVertices(PackedChunk::kPositions, numbers.data(), count, 12);
+  packer.addVertices(numbers.data(), count, 12);
 
   std::vector<glm::vec4> units(count);
   for (std::size_t v = 0; v < count; ++v) units[v] = glm::vec4(normals[v], 0.0f);
   std::vector<std::int16_t> shorts(4 * count);
   meshopt_encodeFilterOct(shorts.data(), count, 8, kNormalBits, &units[0].x);
-  packer.addVertices(PackedChunk::kNormals, shorts.data(), count, 8);
+  packer.addVertices(shorts.data(), count, 8);
 
-  if (!values.empty()) packer.addVertices(PackedChunk::kValues, values.data(), count, 4);
+  for (std::size_t a = 0; a < pieces.front().attributes.size(); ++a) {
+    std::vector<float> values;
+    for (const MeshoptPiece& piece : pieces)
+      values.insert(values.end(), piece.attributes[a].begin(), piece.attributes[a].end());
+    rearrange(values);
+    packer.addVertices(values.data(), count, sizeof values[0]);
+  }
+  if (std::vector<GltfColor> colors = allOf(pieces, &MeshoptPiece::colors); !colors.empty()) {
+    rearrange(colors);
+    packer.addVertices(colors.data(), count, sizeof colors[0]);
+  }
   packer.addTriangles(corners, count);
   PackedChunk packed = packer.take();
   // Exact: a float has 24 bits.

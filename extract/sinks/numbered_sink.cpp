@@ -1,6 +1,10 @@
 #include "isobrick/extract/sinks/numbered_sink.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numeric>
+#include <utility>
 
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/storage/error.h"
@@ -15,7 +19,9 @@ void NumberedSink::begin(const MeshFrame& frame) {
 }
 
 void NumberedSink::place(PlacedBatch& placed) {
-  if (options_.components && placed.components.size() != placed.batch.positions.size())
+  const bool wants_components = std::ranges::any_of(
+      attributes(), [](const VertexAttribute& attribute) { return attribute.values == nullptr; });
+  if (wants_components && placed.components.size() != placed.batch.positions.size())
     throw Error("'" + file_.path() +
                     "': the vertices have no numbers of components; put a ComponentFilter or a "
                     "ComponentNumbering before the file",
@@ -33,36 +39,70 @@ void NumberedSink::place(PlacedBatch& placed) {
 void NumberedSink::findVertices(PlacedBatch& placed) const {
   placed.world.clear();
   placed.world.reserve(newVertices(placed));
+  std::vector<std::uint32_t> vertices;
   forEachNew(placed, [&](std::size_t v) {
-    placed.world.push_back(placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v)));
+    const auto vertex = static_cast<std::uint32_t>(v);
+    placed.world.push_back(placement_.worldPosition(placed.batch, vertex));
+    if (!attributes().empty()) vertices.push_back(vertex);
   });
-  findValues(placed);
-  if (!options_.components) return;
-  placed.values.clear();
-  forEachNew(placed, [&](std::size_t v) { placed.values.push_back(componentValue(placed, v)); });
+  findValues(placed, vertices);
 }
 
 void NumberedSink::findAllVertices(PlacedBatch& placed) const {
-  const std::size_t count = placed.batch.positions.size();
-  placed.world.resize(count);
-  for (std::size_t v = 0; v < count; ++v)
-    placed.world[v] = placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v));
-  findValues(placed);
-  if (!options_.components) return;
-  placed.values.resize(count);
-  for (std::size_t v = 0; v < count; ++v) placed.values[v] = componentValue(placed, v);
+  std::vector<std::uint32_t> vertices(placed.batch.positions.size());
+  std::iota(vertices.begin(), vertices.end(), 0u);
+  placed.world.clear();
+  for (const std::uint32_t v : vertices)
+    placed.world.push_back(placement_.worldPosition(placed.batch, v));
+  findValues(placed, vertices);
 }
 
-void NumberedSink::findValues(PlacedBatch& placed) const {
-  if (options_.values == nullptr) return;
-  placed.values.resize(placed.world.size());
-  if (options_.shift == glm::dvec3(0.0)) {
-    options_.values->evaluate(placed.world, placed.values);
-    return;
-  }
+void NumberedSink::findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const {
+  if (attributes().empty()) return;
+  const std::size_t count = placed.world.size();
+  placed.values.resize(attributes().size() * count);
   std::vector<glm::dvec3> unshifted = placed.world;
+  std::vector<glm::vec3> normals;
   for (glm::dvec3& place : unshifted) place -= options_.shift;
-  options_.values->evaluate(unshifted, placed.values);
+  for (const std::uint32_t v : vertices) normals.push_back(placed.batch.normals[v]);
+  for (std::size_t a = 0; a < attributes().size(); ++a) {
+    const std::span<double> values = std::span(placed.values).subspan(a * count, count);
+    if (const VertexValues* const field = attributes()[a].values)
+      field->evaluate(unshifted, normals, values);
+    else
+      std::ranges::transform(vertices, values.begin(),
+                             [&](std::uint32_t v) { return placed.components[v]; });
+  }
+}
+
+void NumberedSink::putValue(BytePointer& to, const VertexAttribute& attribute, double value) const {
+  const auto putWhole = [&]<typename Whole>(Whole) {
+    if (std::isnan(value)) value = 0;
+    const auto whole = static_cast<std::int64_t>(value);
+    if (!std::in_range<Whole>(whole) || static_cast<double>(whole) != value)
+      throw Error("'" + file_.path() + "': the value " + std::to_string(value) + " of '" +
+                      attribute.name + "' is no whole number of 32 bits; give another attribute",
+                  {.path = file_.path()});
+    to.put(static_cast<Whole>(whole));
+  };
+  switch (attribute.type) {
+    case AttributeType::kFloat32:
+      return to.put(static_cast<float>(value));
+    case AttributeType::kFloat64:
+      return to.put(value);
+    case AttributeType::kInt32:
+      return putWhole(std::int32_t{});
+    case AttributeType::kUint32:
+      return putWhole(std::uint32_t{});
+  }
+}
+
+glm::vec3 NumberedSink::colorOf(const PlacedBatch& placed, std::size_t i) const {
+  const VertexColors& colors = *options_.colors;
+  const double value = valueOf(placed, colors.attribute, i);
+  if (std::isnan(value)) return glm::vec3(0.5f);
+  if (!colors.map) return componentColor(static_cast<std::size_t>(std::abs(value)));
+  return valueColor(*colors.map, (value - colors.low) / (colors.high - colors.low));
 }
 
 }  // namespace isobrick

@@ -1,7 +1,11 @@
 // The common part of the formats with numbered vertices.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
@@ -9,6 +13,19 @@
 #include "isobrick/storage/atomic_file.h"
 
 namespace isobrick {
+
+// How a type of attributes is called, and the bytes of a number.
+struct AttributeTypeInfo {
+  std::string_view ply, vtk;
+  std::size_t bytes;
+};
+constexpr AttributeTypeInfo infoOf(AttributeType type) {
+  constexpr AttributeTypeInfo kInfos[] = {{"float", "Float32", 4},
+                                          {"double", "Float64", 8},
+                                          {"int", "Int32", 4},
+                                          {"uint", "UInt32", 4}};
+  return kInfos[static_cast<std::size_t>(type)];
+}
 
 // A mesh file whose vertices have numbers of 32 bits. Derived classes lay out the file.
 class NumberedSink : public MeshFileSink {
@@ -26,9 +43,23 @@ class NumberedSink : public MeshFileSink {
   static std::size_t newVertices(const PlacedBatch& placed) {
     return placed.batch.positions.size() - placed.known.size();
   }
-  bool hasAttribute() const { return options_.values != nullptr || options_.components; }
-  // Fills placed.world, and placed.values if there is an attribute: of the new vertices, in their
-  // order.
+  const std::vector<VertexAttribute>& attributes() const { return options_.attributes; }
+  // For a header of a length of its own: what attributes and colours need beyond the one attribute
+  // that it has room for.
+  std::size_t extraBytes(std::size_t each) const {
+    const std::size_t count = attributes().size() + (options_.colors ? 2 : 0);
+    return count > 1 ? (count - 1) * each : 0;
+  }
+  // After findVertices(): of placed.world[i].
+  static double valueOf(const PlacedBatch& placed, std::size_t attribute, std::size_t i) {
+    return placed.values[attribute * placed.world.size() + i];
+  }
+  // As the type says, NaN as 0 if that has none.
+  void putValue(BytePointer& to, const VertexAttribute& attribute, double value) const;
+  // Of placed.world[i], if there are colours; sRGB.
+  glm::vec3 colorOf(const PlacedBatch& placed, std::size_t i) const;
+  // Fills placed.world, and placed.values, attribute by attribute: of the new vertices, in
+  // their order.
   void findVertices(PlacedBatch& placed) const;
   // The same for all vertices of the batch.
   void findAllVertices(PlacedBatch& placed) const;
@@ -58,10 +89,8 @@ class NumberedSink : public MeshFileSink {
   std::uint64_t triangles_ = 0;
 
  private:
-  void findValues(PlacedBatch& placed) const;
-  static float componentValue(const PlacedBatch& placed, std::size_t v) {
-    return static_cast<float>(placed.components[v]);
-  }
+  // Of `vertices`, those of placed.world.
+  void findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const;
 
   WorldPlacement placement_;
   VertexNumbering numbering_;

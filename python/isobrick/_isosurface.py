@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._arrays import ChunkReader, describe
+from ._attributes import Attribute
 from ._build import _describe_array, _FileInput
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
@@ -30,6 +31,7 @@ def isosurface(
     simplify: float | None = None,
     drop_small: bool = False,
     values: Pyramid | None = None,
+    attributes: Mapping[str, Attribute] | None = None,
     indices: bool = False,
     memory: int | str = DEFAULT_MEMORY,
     threads: int = 0,
@@ -62,6 +64,8 @@ def isosurface(
         leaves out pieces within one brick whose box has a diagonal below that distance
     values
         a pyramid: its values at the points become ``Mesh.values``
+    attributes
+        of ``Query``; those of the surface itself, ``Thickness`` and ``Distance`` of an isovalue, take a pyramid
     indices
         box and simplify are in voxel indices and voxels; otherwise in world units
     memory
@@ -71,7 +75,10 @@ def isosurface(
         0: all cores
     """
     described = describe(volume)
-    query = Query(float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, indices=indices)
+    query = Query(
+        float(level), box=box, simplify=simplify, drop_small=drop_small, values=values, attributes=attributes or {},
+        indices=indices,
+    )  # fmt: skip
     chosen = _FileInput(None, spacing, origin, "", "", None, None, None, None)
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:

@@ -50,8 +50,8 @@ def _cells_keep_memory() -> bool:
 
 
 def poly_data_of(mesh: Any, copy: bool = False) -> Any:
-    """A ``vtkPolyData``, points (x, y, z) in world units: with ``Normals``, ``level`` of the cells and, if there are
-    any, ``value``. On the memory of the mesh, which lives as long as the arrays of this object do; arrays that are
+    """A ``vtkPolyData``, points (x, y, z) in world units: with ``Normals``, ``level`` of the cells and the attributes
+    of the points. On the memory of the mesh, which lives as long as the arrays of this object do; arrays that are
     made of these by ``vtkDataArray.ShallowCopy`` do not keep it, so that a pipeline gets a ``copy``."""
     result = vtkPolyData()
     points = vtkPoints()
@@ -68,7 +68,8 @@ def poly_data_of(mesh: Any, copy: bool = False) -> Any:
     result.SetPolys(cells)
     result.GetPointData().SetNormals(vtk_array(mesh.normals, "Normals", copy))
     result.GetCellData().AddArray(vtk_array(mesh.levels, "level", copy))
-    values = mesh.values
-    if values is not None:
-        result.GetPointData().SetScalars(vtk_array(values, "value", copy))
+    for name, values in mesh.attributes.items():
+        result.GetPointData().AddArray(vtk_array(values, name, copy))
+        if result.GetPointData().GetScalars() is None:
+            result.GetPointData().SetActiveScalars(name)
     return result

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._attributes import Colors
 from ._errors import Error
 from ._level import Level
 from ._mesh import Mesh
@@ -321,8 +322,8 @@ class Pyramid:
         threads
             0: all cores
         **choice
-            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values and
-            indices; (x, y, z) in world units, or voxel indices with ``indices=True``
+            of ``Query``: focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, values,
+            attributes and indices; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)
         pyramid = self
@@ -342,6 +343,7 @@ class Pyramid:
         isovalue: Isovalue | Query = "auto",
         *,
         part: tuple[int, int] | None = None,
+        colors: Colors | None = None,
         zlib: bool = False,
         meshopt: bool = False,
         force: bool = False,
@@ -352,13 +354,15 @@ class Pyramid:
     ) -> ExtractReport:
         """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``: for meshes larger than
         memory. The other parameters are those of ``extract``: focus, radius and box are (x, y, z) in world units, or
-        voxel indices with ``indices=True``. The file has its name when it is whole; one that exists is replaced with
-        ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
+        voxel indices with ``indices=True``. ``colors`` are those of the points, by an attribute. The file has its name when it is
+        whole; one that exists is replaced with ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
         to the mesh of one call."""
         query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
             settings = self._settings(query, threads, tell, cancel, part)
-            facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
+            facts = _core.SessionHandle(self._handle).extract_to(
+                settings, os.fspath(path), colors, zlib, meshopt, force
+            )
             return make_report(facts)
 
     def _isovalue(self, isovalue: Isovalue) -> float:
@@ -429,7 +433,7 @@ class Session:
         ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``. The query has
         no ``values``."""
         query = query_of(isovalue, choice)
-        if query.values is not None:
+        if query.values is not None or query.attributes:
             raise Error("a progressive query has no values; take those of extract()")
         settings = self._pyramid._settings(query, threads, None, cancel)
         while True:

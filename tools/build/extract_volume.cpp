@@ -87,10 +87,9 @@ std::vector<ExtractionReport> streamSurfaces(
 }
 
 ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
-                           const PyramidValues* values, double open_seconds) {
+                           AttributeFields& fields, double open_seconds) {
   ExtractResults results;
-  results.attribute = arguments.attribute.path;
-  results.numbers_components = arguments.number_components;
+  results.attributes = attributeFacts(arguments);
   results.threads = arguments.query.threads;
   results.unit = stream.info().geometry.unit;
   results.open_seconds = open_seconds;
@@ -99,8 +98,9 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
   std::vector<std::unique_ptr<ExtractedSurface>> surfaces;
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
-    surfaces.push_back(
-        std::make_unique<ExtractedSurface>(arguments, stream.pyramid(), values, names[i], bar));
+    surfaces.push_back(std::make_unique<ExtractedSurface>(
+        arguments, stream.pyramid(), fields.of(arguments.query.isovalue, stream.pyramid(), nullptr),
+        names[i], bar));
   }
   if (surfaces.front()->wantsComponents()) {
     streamSurfaces(stream, surfaces,
@@ -136,21 +136,17 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const std::vector<std::string> files = source->files();
   for (const std::string& name : meshNames(arguments))
     if (!name.empty()) refuseReplacing({name}, files, arguments.force);
-  std::shared_ptr<const Pyramid> other;
-  std::optional<PyramidValues> values;
-  if (!arguments.attribute.path.empty()) {
-    other = openPyramidFile(arguments.attribute.pyramid, memory_bytes / 2,
-                            fileAccess(arguments.query.no_map), {});
-    values.emplace(*other);
-  }
+  const bool has_others = pyramidsOf(arguments.attributes) > 0;
+  AttributeFields fields(arguments.attributes, arguments.coloring, memory_bytes / 2,
+                         arguments.query.no_map, {});
   return runWithThreads(arguments.query.threads, [&]() -> std::optional<ExtractResults> {
     BrickStreamOptions options;
     options.open = [&] { return source != nullptr ? std::move(source) : open(); };
-    options.memory_bytes = memory_bytes / (other != nullptr ? 4 : 2);
+    options.memory_bytes = memory_bytes / (has_others ? 4 : 2);
     options.cancel = &interruptFlag();
     BrickStream stream(std::move(options));
     if (!stream.fits()) return std::nullopt;
-    return extractFrom(stream, arguments, values ? &*values : nullptr, watch.seconds());
+    return extractFrom(stream, arguments, fields, watch.seconds());
   });
 }
 

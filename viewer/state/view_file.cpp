@@ -74,9 +74,7 @@ ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_to
 constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other", "plane_distance", "component"};
 }
-constexpr std::array<std::string_view, 5> namesOf(ColorMap) {
-  return {"viridis", "cividis", "inferno", "cool_warm", "grey"};
-}
+constexpr std::array<std::string_view, 5> namesOf(ColorMap) { return kColorMapNames; }
 constexpr std::array<std::string_view, 2> namesOf(ViewLighting) {
   return {"three_lights", "headlight"};
 }
