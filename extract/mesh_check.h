@@ -31,8 +31,11 @@ struct MeshQuality {
   double mean_aspect = 0;
   double worst_aspect = 0;  // likewise
 
+  // Every edge is in two triangles, or in more.
   bool isClosed() const { return open_edges == 0; }
-  bool isManifold() const { return nonmanifold_edges == 0; }  // of edges
+  // No edge is in more than two. Vertices may still join surfaces that touch there.
+  bool isManifold() const { return nonmanifold_edges == 0; }
+  // Triangles beside each other have the same side outward.
   bool isOriented() const { return misoriented_edges == 0; }
   // The border of a solid, as programs that fill it with tetrahedra want it.
   bool isSolid() const {

@@ -27,7 +27,9 @@ class MeshDistance : public VertexValues {
   explicit MeshDistance(IndexedMesh mesh);
   ~MeshDistance() override;
 
+  // Whether distances have a sign.
   bool isClosed() const { return is_closed_; }
+  // Throws nothing.
   void evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3> normals,
                 std::span<double> values) const override;
 

@@ -39,10 +39,10 @@ def colored(path: Path) -> pyvista.PolyData:
         if "RGB" in mesh.point_data:
             mesh.point_data["rgb"] = mesh.point_data["RGB"]
         return mesh
-    loaded = trimesh.load(path, force="mesh", process=False)
+    loaded = next(iter(trimesh.load(path, process=False).geometry.values()))
     mesh = pyvista.wrap(loaded)
-    if path.suffix == ".glb":  # linear light, of 16 bits
-        light = np.asarray(loaded.visual.vertex_colors)[:, :3].astype(float)
+    if path.suffix == ".glb":  # linear light
+        light = np.asarray(loaded.visual.vertex_attributes["color"])[:, :3].astype(float)
         light /= 65535 if light.max() > 255 else 255
         srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
         mesh.point_data["rgb"] = np.round(255 * srgb).astype(np.uint8)
@@ -58,6 +58,7 @@ def draw(mesh: pyvista.PolyData, towards: tuple[float, float, float], path: Path
         smooth_shading=not has_colors, split_sharp_edges=not has_colors, specular=0.1, ambient=0.2,
     )  # fmt: skip
     plotter.view_vector(towards, viewup=(0, 0, 1))
+    plotter.camera.zoom(1.4)
     plotter.enable_anti_aliasing("ssaa")
     plotter.screenshot(path)
     plotter.close()

@@ -408,7 +408,8 @@ class Session {
           "'" + path + "' is a share; give part=(i, n) with it, and neither values nor packing",
           {.path = path});
     std::vector<MeshField> named;
-    for (const FieldWish& wish : wishes) named.push_back({wish.name, AttributeType::kFloat32, nullptr});
+    for (const FieldWish& wish : wishes)
+      named.push_back({wish.name, AttributeType::kFloat32, nullptr});
     const std::optional<VertexColors> read_colors = readColors(colors, named);
     ExtractionReport report;
     std::uint64_t vertices = 0;

@@ -55,7 +55,8 @@ def filled_by_gmsh(mesh: isobrick.Mesh) -> tuple[float, int]:
     gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
+        # It takes facets for overlapping that meet at less than 0.1 degrees; these do not overlap.
+        gmsh.option.setNumber("Mesh.AngleToleranceFacetOverlap", 1e-4)
         gmsh.model.add("solid")
         surface = gmsh.model.addDiscreteEntity(2)
         numbers = np.arange(1, len(mesh.points) + 1)
