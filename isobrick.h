@@ -10,15 +10,20 @@
 // at any time; but pictures are written with `isobrick/viewer/image.h`.
 #pragma once
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/mesh_check.h"
+#include "isobrick/extract/mesh_distance.h"
 #include "isobrick/extract/one_pass_surface.h"
 #include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/read_mesh_file.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
+#include "isobrick/extract/wall_thickness.h"
 #include "isobrick/preprocess/brick_stream.h"
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/preprocess/export/formats/export_volume.h"

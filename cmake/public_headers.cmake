@@ -17,10 +17,14 @@ set(isobrick_public_headers
   storage/voxel_histogram.h
   storage/voxel_type.h
   # a pyramid in, triangles out
+  extract/color_map.h
   extract/extractor.h
+  extract/mesh_check.h
+  extract/mesh_distance.h
   extract/one_pass_surface.h
   extract/pyramid_values.h
   extract/query.h
+  extract/read_mesh_file.h
   extract/shares/mesh_share.h
   extract/sinks/component_choice.h
   extract/sinks/indexed_mesh.h
@@ -31,6 +35,7 @@ set(isobrick_public_headers
   extract/sinks/vertex_numbering.h
   extract/surface_mesh.h
   extract/surface_region.h
+  extract/wall_thickness.h
   # a pyramid in, chunks of surfaces out, pass by pass, beside an interface
   viewer/stream/merged_surface.h
   viewer/stream/surface_chunk.h
@@ -48,6 +53,5 @@ set(isobrick_public_headers
   preprocess/volume_source.h)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
-    viewer/color_map.h
     viewer/image.h)
 endif()

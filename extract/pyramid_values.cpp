@@ -21,6 +21,13 @@ struct Place {
   glm::dvec3 fraction{0.0};  // 0 .. 1 in the cell
 };
 
+// Of a place at a sample, whose neighbours may be NaN.
+template <typename T>
+double sampleAt(const T* samples, const IndexBox& box, const Place& place) {
+  const Index3 sample = place.cell + Index3(place.fraction);
+  return static_cast<double>(samples[linearIndex(sample - box.first, box.count)]);
+}
+
 template <typename T>
 double interpolate(const T* samples, const IndexBox& box, const Place& place) {
   const T* at = samples + linearIndex(place.cell - box.first, box.count);
@@ -35,24 +42,27 @@ double interpolate(const T* samples, const IndexBox& box, const Place& place) {
 
 }  // namespace
 
-PyramidValues::PyramidValues(const Pyramid& pyramid)
+PyramidValues::PyramidValues(const Pyramid& pyramid, Sampling sampling)
     : pyramid_(pyramid),
+      sampling_(sampling),
       origin_(pyramid.spec().geometry.origin),
       world_to_index_(glm::inverse(pyramid.spec().geometry.indexToWorldMatrix())) {}
 
-void PyramidValues::evaluate(std::span<const glm::dvec3> world, std::span<float> values) const {
+void PyramidValues::evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3>,
+                             std::span<double> values) const {
   const Index3 voxels = pyramid_.spec().voxels;
   const glm::dvec3 last(voxels - Index3(1));
   std::vector<Place> places;
   places.reserve(world.size());
   for (std::size_t i = 0; i < world.size(); ++i) {
     const glm::dvec3 index = world_to_index_ * (world[i] - origin_);
-    const glm::dvec3 inside = glm::clamp(index, glm::dvec3(0.0), last);
+    glm::dvec3 inside = glm::clamp(index, glm::dvec3(0.0), last);
     const glm::dvec3 away = glm::abs(index - inside);
     if (!(std::max({away.x, away.y, away.z}) <= 0.5)) {
-      values[i] = std::numeric_limits<float>::quiet_NaN();
+      values[i] = std::numeric_limits<double>::quiet_NaN();
       continue;
     }
+    if (sampling_ == Sampling::kNearest) inside = glm::floor(inside + 0.5);
     Place place;
     place.position = i;
     place.cell = glm::min(Index3(glm::floor(inside)), voxels - Index3(2));
@@ -74,11 +84,25 @@ void PyramidValues::evaluate(std::span<const glm::dvec3> world, std::span<float>
       const std::size_t row = places[begin].brick_row;
       const Index3 brick = places[begin].brick;
       for (; begin < places.size() && places[begin].brick_row == row; ++begin)
-        values[places[begin].position] = static_cast<float>(
-            pyramid_.spec().values.real(interpolate(data, samples.box, places[begin])));
+        values[places[begin].position] = pyramid_.spec().values.real(
+            sampling_ == Sampling::kNearest ? sampleAt(data, samples.box, places[begin])
+                                            : interpolate(data, samples.box, places[begin]));
       pyramid_.throwIfReadsFailed(0, brick);
     }
   });
+}
+
+AttributeType labelTypeOf(const Pyramid& pyramid) {
+  const PyramidSpec& spec = pyramid.spec();
+  const bool is_whole = spec.voxel_type != VoxelType::kFloat32 && spec.values.scale == 1 &&
+                        spec.values.offset == std::floor(spec.values.offset);
+  const RealRange range = pyramid.realRange();
+  const auto isWithin = [&]<typename T>(T) {
+    return is_whole && range.min >= std::numeric_limits<T>::min() &&
+           range.max <= std::numeric_limits<T>::max();
+  };
+  if (isWithin(std::uint32_t{})) return AttributeType::kUint32;
+  return isWithin(std::int32_t{}) ? AttributeType::kInt32 : AttributeType::kFloat64;
 }
 
 }  // namespace isobrick

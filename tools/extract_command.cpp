@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote_options.h"
+#include "tools/attribute_options.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/extract_surface.h"
@@ -34,10 +34,11 @@ namespace isobrick {
 namespace {
 
 ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
-                         Extractor& extractor, const PyramidValues* values,
-                         const std::string& output, std::unique_ptr<MeshFileSink> sink_of_all) {
+                         Extractor& extractor, AttributeFields& fields, const std::string& output,
+                         std::unique_ptr<MeshFileSink> sink_of_all) {
   ProgressBar bar(0, "million triangles");
-  ExtractedSurface surface(arguments, pyramid, values, output, bar);
+  ExtractedSurface surface(arguments, pyramid,
+                           fields.of(arguments.query.isovalue, pyramid, &extractor), output, bar);
   if (sink_of_all) surface.writeTo(std::move(sink_of_all));
   Query& query = surface.query();
   if (arguments.most_triangles)
@@ -61,26 +62,20 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
 
 ExtractResults extract(ExtractArguments& arguments) {
   ExtractResults results;
-  results.attribute = arguments.attribute.path;
-  results.numbers_components = arguments.number_components;
+  results.attributes = attributeFacts(arguments);
   results.part = arguments.part;
   results.threads = arguments.query.threads;
   const Stopwatch open_watch;
   // All pyramids share the memory.
-  const bool has_attribute = !arguments.attribute.path.empty();
+  const std::uint64_t others = pyramidsOf(arguments.attributes);
   const std::uint64_t memory_bytes =
-      arguments.query.memory_bytes /
-      ((has_attribute ? 2 : 1) + arguments.query.region.masks.size());
+      arguments.query.memory_bytes / (1 + others + arguments.query.region.masks.size());
   const FileAccess access = fileAccess(arguments.query.no_map);
   const RemoteOptions remote = remoteOptions(arguments.query.input);
   const auto file = openPyramidFile(arguments.query.input.pyramid, memory_bytes, access, remote);
   const Pyramid& pyramid = *file;
-  std::shared_ptr<const Pyramid> other;
-  std::optional<PyramidValues> values;
-  if (has_attribute) {
-    other = openPyramidFile(arguments.attribute.pyramid, memory_bytes, access, remote);
-    values.emplace(*other);
-  }
+  AttributeFields fields(arguments.attributes, arguments.coloring, others * memory_bytes,
+                         arguments.query.no_map, remote);
   openMasks(arguments.query, memory_bytes);
   results.unit = pyramid.spec().geometry.unit;
   results.open_seconds = open_watch.seconds();
@@ -90,13 +85,11 @@ ExtractResults extract(ExtractArguments& arguments) {
   refuseOutputs(arguments);
   const std::vector<std::string> names = meshNames(arguments);
   Extractor extractor(pyramid);
-  const PyramidValues* const attribute = values ? &*values : nullptr;
-  const auto together = collectionOf(arguments, pyramid, attribute);
+  const auto together = collectionOf(arguments, pyramid, fields);
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
-    results.surfaces.push_back(
-        extractOne(arguments, pyramid, extractor, attribute, names[i],
-                   together ? together->add(objectOf(arguments, i)) : nullptr));
+    results.surfaces.push_back(extractOne(arguments, pyramid, extractor, fields, names[i],
+                                          together ? together->add(objectOf(arguments, i)) : nullptr));
   }
   if (together) together->finish();
   results.pager = pyramid.parts().counters();
@@ -111,7 +104,9 @@ bool needsNoPyramid(const ExtractArguments& arguments) {
   const bool is_known = std::all_of(query.isovalues.begin(), query.isovalues.end(),
                                     [](const auto& isovalue) { return isovalue.has_value(); });
   return isReadAsVolume(query.input) && query.input.cache_folder.empty() && is_known &&
-         !masksNan(query.input) && isFinest(query.choice) && query.or_finer.empty() &&
+         !masksNan(query.input) &&
+         std::ranges::none_of(arguments.attributes, &AttributeOptions::isOfSurface) &&
+         isFinest(query.choice) && query.or_finer.empty() &&
          !arguments.most_triangles && !arguments.part && arguments.repeat == 1 &&
          !isShareName(arguments.output);
 }
@@ -167,13 +162,11 @@ ExtractResults extractAll(std::vector<ExtractArguments> all) {
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
-  VolumeInput& attribute = arguments.attribute;
-  arguments.number_components = attribute.path == kComponentAttribute;
-  if (arguments.number_components) attribute.path.clear();
-  if (arguments.number_components && arguments.part)
-    throw UsageError(
-        "--attribute component looks at the whole surface; leave out --part, or name a file "
-        "'./component'");
+  for (const AttributeOptions& attribute : arguments.attributes)
+    if (attribute.kind == AttributeOptions::Kind::kComponent && arguments.part)
+      throw UsageError(
+          "--attribute component looks at the whole surface; leave out --part, or name a file "
+          "'./component'");
   if (isShareName(arguments.output))
     for (const char* const option :
          {"--attribute", "--space", "--unit", "--shift", "--together", "--zlib", "--meshopt"})
@@ -193,11 +186,13 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
     return runExtractMeshes(arguments.query, arguments.output, arguments.json);
   }
   for (const ExtractArguments& one : all) refuseOutputs(one);
-  attribute.cache_folder = arguments.query.input.cache_folder;
-  if (!attribute.path.empty())
-    findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
+  for (AttributeOptions& attribute : arguments.attributes) {
+    attribute.input.cache_folder = arguments.query.input.cache_folder;
+    if (attribute.isOfPyramid())
+      findPyramid(attribute.input, arguments.query.threads, arguments.query.memory_bytes);
+  }
   for (ExtractArguments& one : all) {
-    one.attribute = attribute;
+    one.attributes = arguments.attributes;
     findMasks(one.query);
   }
   const ExtractResults results = extractAll(std::move(all));
@@ -233,7 +228,13 @@ std::vector<CLI::Option*> addDetailOptions(CLI::App& app, ExtractArguments& argu
   CLI::Option* const drop_below = addParsedOption(
       app, "--drop-below", arguments.drop_below, numberFrom(0), "AREA",
       "Only connected pieces of at least this area, in squares of the world's unit");
-  return {triangles, components, largest, drop_below};
+  CLI::Option* const check =
+      app.add_flag("--check", arguments.check,
+                   "Report whether the mesh is closed, manifold and oriented, its boundary loops, "
+                   "Euler number, area and volume, triangles that cross or have no area, least "
+                   "angle and aspect. Takes some 5 bytes of memory a triangle, more with "
+                   "--simplify. For shares: 'merge --check'");
+  return {triangles, components, largest, drop_below, check};
 }
 
 void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
@@ -253,14 +254,7 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
       "shares, as .isbm, to the mesh that one run gives; another format is open where "
       "other shares begin");
   for (CLI::Option* const option : of_whole_surface) part->excludes(option);
-  app.add_option("--attribute", arguments.attribute.path,
-                 "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
-                 "(value) or .glb (_VALUE): level 0, interpolated trilinearly where the vertex is "
-                 "in the world. Both pyramids share --memory. Or 'component': the number of the "
-                 "connected piece, 0 the one of the largest area, as --components lists them "
-                 "(component, _COMPONENT)")
-      ->type_name("OTHER|component")
-      ->needs(output);
+  addAttributeOptions(app, arguments.attributes, arguments.coloring, output);
   addPlacementOptions(app, arguments.placement, output, true);
   CLI::Option* const together =
       app.add_flag("--together", arguments.together,

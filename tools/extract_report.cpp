@@ -12,6 +12,46 @@
 
 namespace isobrick {
 
+Json jsonOfQuality(const MeshQuality& quality) {
+  return {{"solid", quality.isSolid()},
+          {"vertices", quality.vertices},
+          {"edges", quality.edges},
+          {"triangles", quality.triangles},
+          {"open_edges", quality.open_edges},
+          {"boundary_loops", quality.boundary_loops},
+          {"nonmanifold_edges", quality.nonmanifold_edges},
+          {"misoriented_edges", quality.misoriented_edges},
+          {"zero_area_triangles", quality.zero_area},
+          {"crossing_triangles", quality.crossing},
+          {"euler_number", quality.euler},
+          {"area", quality.area},
+          {"volume", quality.isClosed() ? Json(quality.volume) : Json()},
+          {"least_angle", quality.least_angle},
+          {"mean_aspect", quality.mean_aspect},
+          {"worst_aspect", quality.worst_aspect}};
+}
+
+void printQuality(const MeshQuality& quality) {
+  const auto faultText = [](std::uint64_t count, const char* fault, const char* none) {
+    return count > 0 ? fmt::format("{} {}", countText(count), fault) : std::string(none);
+  };
+  fmt::print("  check: {}; {}; {}; {}; {}\n",
+             quality.isClosed()
+                 ? std::string("closed")
+                 : fmt::format("open, {} edges in {} loops", countText(quality.open_edges),
+                               countText(quality.boundary_loops)),
+             faultText(quality.nonmanifold_edges, "edges of more than two triangles", "manifold"),
+             faultText(quality.misoriented_edges, "edges with two ways round", "oriented"),
+             faultText(quality.zero_area, "triangles without area", "no triangle without area"),
+             faultText(quality.crossing, "triangles cross", "none cross"));
+  fmt::print(
+      "         Euler number {}, area {:.6g}{}; least angle {:.3g} degrees, aspect {:.3g} on "
+      "average and {:.3g} at worst\n",
+      quality.euler, quality.area,
+      quality.isClosed() ? fmt::format(", volume {:.6g}", quality.volume) : "", quality.least_angle,
+      quality.mean_aspect, quality.worst_aspect);
+}
+
 Json jsonOfComponents(const SurfaceComponents& components) {
   Json json = Json::array();
   for (const SurfaceComponent& one : components.list())
@@ -71,10 +111,17 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
   const ExtractionReport& report = result.report;
   Json json = Json::object();
   json["output"] = result.output.empty() ? Json() : Json(result.output);
-  if (!results.attribute.empty())
-    json["attribute"] = {{"path", withoutSecrets(results.attribute)},
-                         {"vertices_outside", result.vertices_outside}};
-  if (results.numbers_components) json["attribute"] = {{"name", kComponentAttribute}};
+  Json attributes = Json::array();
+  for (std::size_t i = 0; i < results.attributes.size(); ++i) {
+    const auto& [name, path] = results.attributes[i];
+    attributes.push_back({{"name", name}});
+    if (path.empty()) continue;
+    attributes.back()["path"] = withoutSecrets(path);
+    attributes.back()["vertices_outside"] = result.vertices_outside.at(i);
+  }
+  if (attributes.size() == 1) json["attribute"] = attributes.front();
+  if (attributes.size() > 1) json["attributes"] = std::move(attributes);
+  if (result.quality) json["check"] = jsonOfQuality(*result.quality);
   json["isovalue"] = result.isovalue;
   if (result.label) json["label"] = *result.label;
   if (result.moved)
@@ -135,6 +182,7 @@ void printSummary(const ExtractResult& result, LengthUnit unit) {
   if (result.simplify)
     fmt::print("  within {} of {}\n", distanceText(*result.simplify, unit),
                result.is_finest ? "the finest surface" : "this surface without --simplify");
+  if (result.quality) printQuality(*result.quality);
   if (result.missing_voxels > 0)
     fmt::print("  open beside voxels without data, of which the volume has {}\n",
                countText(result.missing_voxels));

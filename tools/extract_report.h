@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/mesh_check.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
@@ -20,6 +21,11 @@ namespace isobrick {
 
 // In place of another pyramid: the number of the component that a vertex belongs to.
 inline constexpr const char* kComponentAttribute = "component";
+
+struct AttributeFacts {
+  std::string name;
+  std::string path;  // of the pyramid or mesh that it comes from; empty: of none
+};
 
 // The extraction of one surface.
 struct ExtractResult {
@@ -38,14 +44,14 @@ struct ExtractResult {
   std::uint64_t missing_voxels = 0;   // of the pyramid: without data
   std::uint64_t vertices = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
-  std::uint64_t vertices_outside = 0;   // of the other pyramid
-  double write_seconds = 0;             // inside the file's sink: writing, and waiting for the disk
+  std::vector<std::uint64_t> vertices_outside;  // of each attribute: of its pyramid
+  std::optional<MeshQuality> quality;           // of --check
+  double write_seconds = 0;  // inside the file's sink: writing, and waiting for the disk
 };
 
 struct ExtractResults {
   std::vector<ExtractResult> surfaces;
-  std::string attribute;            // the pyramid whose values vertices got; empty: none
-  bool numbers_components = false;  // vertices got the numbers of their components instead
+  std::vector<AttributeFacts> attributes;  // that vertices got
   std::optional<ShareNumber> part;
   LengthUnit unit = LengthUnit::kUnknown;  // of the world
   int threads = 0;
@@ -59,6 +65,11 @@ struct ExtractResults {
 Json jsonOfResults(const ExtractResults& results);
 // On stdout.
 void printResults(const ExtractResults& results);
+
+// Of --check.
+Json jsonOfQuality(const MeshQuality& quality);
+// The same as lines on stdout.
+void printQuality(const MeshQuality& quality);
 
 // All of them, the largest area first.
 Json jsonOfComponents(const SurfaceComponents& components);

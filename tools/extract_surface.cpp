@@ -19,14 +19,20 @@ namespace {
 namespace fs = std::filesystem;
 
 MeshFileOptions fileOptionsOf(const ExtractArguments& arguments, const Pyramid& pyramid,
-                              const PyramidValues* values) {
+                              const SurfaceAttributes& attributes) {
   const PyramidSpec& spec = pyramid.spec();
   return {.cancel = &interruptFlag(),
-          .values = values,
-          .components = arguments.number_components,
+          .attributes = attributes.attributes,
+          .colors = attributes.colors,
           .placement = placementOf(arguments.placement, spec.geometry, spec.voxels),
           .zlib = arguments.zlib,
           .meshopt = arguments.meshopt};
+}
+
+bool numbersComponents(const ExtractArguments& arguments) {
+  return std::ranges::any_of(arguments.attributes, [](const AttributeOptions& attribute) {
+    return attribute.kind == AttributeOptions::Kind::kComponent;
+  });
 }
 
 // The surface is there, and nothing of it is asked for.
@@ -68,18 +74,31 @@ std::string nameWith(const std::string& output, const std::string& what) {
 
 void refuseOutputs(const ExtractArguments& arguments) {
   std::vector<std::string> inputs = arguments.query.region.files();
-  inputs.insert(inputs.end(), {arguments.query.input.path, arguments.query.input.pyramid,
-                               arguments.attribute.path, arguments.attribute.pyramid});
+  inputs.insert(inputs.end(), {arguments.query.input.path, arguments.query.input.pyramid});
+  for (const AttributeOptions& attribute : arguments.attributes)
+    inputs.insert(inputs.end(), {attribute.input.path, attribute.input.pyramid});
   for (const std::string& name : meshNames(arguments))
     if (!name.empty()) refuseReplacing({name}, inputs, arguments.force);
+}
+
+std::vector<AttributeFacts> attributeFacts(const ExtractArguments& arguments) {
+  std::vector<AttributeFacts> facts;
+  for (const AttributeOptions& attribute : arguments.attributes)
+    facts.push_back({attribute.name, attribute.input.path});
+  return facts;
 }
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
 
 std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
-                                             const Pyramid& pyramid, const PyramidValues* values) {
+                                             const Pyramid& pyramid, AttributeFields& fields) {
   if (!arguments.together) return nullptr;
-  return makeMeshCollection(arguments.output, fileOptionsOf(arguments, pyramid, values));
+  if (std::ranges::any_of(arguments.attributes, &AttributeOptions::isOfSurface))
+    throw UsageError(
+        "--together goes with attributes that are the same field for all surfaces; leave out "
+        "thickness and distance, or --together");
+  const auto attributes = fields.of(*arguments.query.isovalues.front(), pyramid, nullptr);
+  return makeMeshCollection(arguments.output, fileOptionsOf(arguments, pyramid, attributes));
 }
 
 MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface) {
@@ -90,11 +109,11 @@ MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface) {
 }
 
 ExtractedSurface::ExtractedSurface(const ExtractArguments& arguments, const Pyramid& pyramid,
-                                   const PyramidValues* values, std::string output,
+                                   SurfaceAttributes attributes, std::string output,
                                    ProgressBar& bar)
     : arguments_(arguments),
       pyramid_(pyramid),
-      values_(values),
+      attributes_(std::move(attributes)),
       bar_(bar),
       isovalue_(arguments.query.isovalue),
       query_(makeQuery(arguments.query, pyramid)) {
@@ -105,13 +124,14 @@ ExtractedSurface::ExtractedSurface(const ExtractArguments& arguments, const Pyra
   result_.output = std::move(output);
   result_.isovalue = isovalue_;
   result_.missing_voxels = pyramid.missingVoxels();
-  result_.placement = fileOptionsOf(arguments, pyramid, values).placement;
-  outside_before_ = values != nullptr ? values->outside() : 0;
+  result_.placement = fileOptionsOf(arguments, pyramid, attributes_).placement;
+  for (const PyramidValues* const values : attributes_.sampled)
+    outside_before_.push_back(values != nullptr ? values->outside() : 0);
 }
 
 bool ExtractedSurface::wantsComponents() const {
   return arguments_.list_components || arguments_.keep_largest || arguments_.drop_below ||
-         arguments_.number_components;
+         numbersComponents(arguments_);
 }
 
 TriangleSink& ExtractedSurface::measured(TriangleSink& sink) {
@@ -142,13 +162,15 @@ void ExtractedSurface::endComponents() {
 
 TriangleSink& ExtractedSurface::meshSink(bool to_file) {
   if (to_file && file_sink_ == nullptr && !result_.output.empty())
-    file_sink_ = makeMeshFileSink(result_.output, fileOptionsOf(arguments_, pyramid_, values_));
+    file_sink_ =
+        makeMeshFileSink(result_.output, fileOptionsOf(arguments_, pyramid_, attributes_));
   to_file_ = to_file && file_sink_ != nullptr;
   counting_sink_ = CountingSink();
-  TriangleSink& sink =
-      measured(to_file_ ? static_cast<TriangleSink&>(*file_sink_) : counting_sink_);
-  if (!result_.components) return sink;
-  filter_.emplace(*result_.components, result_.is_kept, sink);
+  TriangleSink* sink = to_file_ ? static_cast<TriangleSink*>(file_sink_.get()) : &counting_sink_;
+  if (arguments_.check) sink = &check_.emplace(*sink);
+  TriangleSink& whole = measured(*sink);
+  if (!result_.components) return whole;
+  filter_.emplace(*result_.components, result_.is_kept, whole);
   return *filter_;
 }
 
@@ -157,6 +179,7 @@ void ExtractedSurface::endMesh(const ExtractionReport& report) {
   result_.report = report;
   if (to_file_) result_.write_seconds = measured_->seconds(arguments_.query.threads);
   result_.extract_seconds.push_back(std::max(0.0, seconds - result_.write_seconds));
+  if (check_) result_.quality = check_->quality();
   result_.vertices = to_file_ ? file_sink_->vertices() : counting_sink_.vertices();
 }
 
@@ -169,17 +192,27 @@ ExtractResult ExtractedSurface::end(const std::function<ValueRange()>& range_of)
   if (file_sink_ != nullptr)
     if (const std::string loss = file_sink_->loss(); !loss.empty())
       warnOfLosses(result_.output, {loss + "; give --shift auto, or write .ply"});
-  if (values_ != nullptr) result_.vertices_outside = values_->outside() - outside_before_;
+  for (std::size_t i = 0; i < attributes_.sampled.size(); ++i) {
+    const PyramidValues* const values = attributes_.sampled[i];
+    result_.vertices_outside.push_back(values != nullptr ? values->outside() - outside_before_[i]
+                                                         : 0);
+  }
   if (result_.report.triangles == 0 &&
       !warnOfEmptySurface(arguments_.query.input, isovalue_, pyramid_, range_of()) &&
       !arguments_.part)
     warnOfEmptyChoice(arguments_, result_);
-  if (result_.vertices_outside > 0)
-    fmt::print(stderr,
-               "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
-               countText(result_.vertices_outside), countText(result_.vertices),
-               oneLine(withoutSecrets(arguments_.attribute.path)),
-               lowerExtension(result_.output) == ".glb" ? "0 in the file" : "NaN in the file");
+  for (std::size_t i = 0; i < result_.vertices_outside.size(); ++i)
+    if (result_.vertices_outside[i] > 0) {
+      const AttributeType type = attributes_.attributes[i].type;
+      const bool has_nan = (type == AttributeType::kFloat32 || type == AttributeType::kFloat64) &&
+                           lowerExtension(result_.output) != ".glb";
+      fmt::print(
+          stderr,
+          "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({} in "
+          "the file)\n",
+          countText(result_.vertices_outside[i]), countText(result_.vertices),
+          oneLine(withoutSecrets(arguments_.attributes[i].input.path)), has_nan ? "NaN" : "0");
+    }
   return std::move(result_);
 }
 

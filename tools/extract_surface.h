@@ -10,11 +10,12 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/mesh_check.h"
 #include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
+#include "tools/attribute_options.h"
 #include "tools/extract_report.h"
 #include "tools/measured_sink.h"
 #include "tools/placement_options.h"
@@ -25,10 +26,11 @@ namespace isobrick {
 
 struct ExtractArguments {
   QueryOptions query;
-  std::optional<std::uint64_t> label;  // whose surface it is
-  std::string output;                  // empty: the mesh is counted only
-  VolumeInput attribute;               // whose values vertices get; path empty: none
-  bool number_components = false;      // vertices get the number of their component instead
+  std::optional<std::uint64_t> label;        // whose surface it is
+  std::string output;                        // empty: the mesh is counted only
+  std::vector<AttributeOptions> attributes;  // of vertices
+  ColoringOptions coloring;
+  bool check = false;  // look at the mesh
   std::optional<std::uint64_t> most_triangles;
   bool drop_small = false;
   bool list_components = false;
@@ -54,12 +56,14 @@ std::string nameWith(const std::string& output, const std::string& what);
 // Throws Error if a file is in the way: before the work, so that a path that cannot be written
 // costs no time.
 void refuseOutputs(const ExtractArguments& arguments);
+// The facts of the attributes for the report.
+std::vector<AttributeFacts> attributeFacts(const ExtractArguments& arguments);
 // True of a share of a mesh, .isbm.
 bool isShareName(const std::string& output);
 
 // The one file of all surfaces, if the user wants it; null: each has its own. `values` may be null.
 std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
-                                             const Pyramid& pyramid, const PyramidValues* values);
+                                             const Pyramid& pyramid, AttributeFields& fields);
 // The surface with this number in it.
 MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface);
 
@@ -67,10 +71,10 @@ MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface);
 // then into meshSink(), as often as wanted; each is ended before the next one begins.
 class ExtractedSurface {
  public:
-  // All outlive it; `values` may be null. Makes the query of arguments.query.isovalue, and begins
-  // no file yet.
+  // All outlive it, and so do the fields of the attributes. Makes the query of
+  // arguments.query.isovalue, and begins no file yet.
   ExtractedSurface(const ExtractArguments& arguments, const Pyramid& pyramid,
-                   const PyramidValues* values, std::string output, ProgressBar& bar);
+                   SurfaceAttributes attributes, std::string output, ProgressBar& bar);
   ExtractedSurface(const ExtractedSurface&) = delete;
   ExtractedSurface& operator=(const ExtractedSurface&) = delete;
 
@@ -94,7 +98,7 @@ class ExtractedSurface {
 
   const ExtractArguments& arguments_;
   const Pyramid& pyramid_;
-  const PyramidValues* const values_;
+  const SurfaceAttributes attributes_;
   ProgressBar& bar_;
   const double isovalue_;
   Query query_;
@@ -103,10 +107,11 @@ class ExtractedSurface {
   CountingSink counting_sink_;
   std::unique_ptr<ComponentFinder> finder_;
   std::optional<MeasuredSink> measured_;  // around the sink of the pass
+  std::optional<MeshCheck> check_;
   std::optional<ComponentFilter> filter_;
   bool to_file_ = false;
-  Stopwatch watch_;  // of the pass
-  std::uint64_t outside_before_ = 0;
+  Stopwatch watch_;                            // of the pass
+  std::vector<std::uint64_t> outside_before_;  // of each attribute
 };
 
 // The surfaces of a volume at level 0, of which no pyramid is built: isobrick-build does it, and

@@ -32,12 +32,16 @@ Json allFormats() {
   json["meshes"] = Json::array();
   for (const MeshFormatInfo& format : meshFormats())
     json["meshes"].push_back({{"ending", format.ending},
-                              {"attribute", format.has_values},
+                              {"attribute", format.has_attributes},
+                              {"color-by", format.has_colors},
                               {"zlib", format.has_zlib},
                               {"meshopt", format.has_meshopt}});
   for (const char* const ending : {".precomputed", kMeshShareEnding})
-    json["meshes"].push_back(
-        {{"ending", ending}, {"attribute", false}, {"zlib", false}, {"meshopt", false}});
+    json["meshes"].push_back({{"ending", ending},
+                              {"attribute", false},
+                              {"color-by", false},
+                              {"zlib", false},
+                              {"meshopt", false}});
   json["pictures"] = Json::array();
 #if ISOBRICK_WITH_VIEWER
   for (const auto& [ending, format] : kImageFormats)
@@ -49,7 +53,7 @@ Json allFormats() {
 std::string noteOf(const Json& format) {
   if (!format.value("built_in", true)) return "left out of this build";
   std::string note;
-  for (const char* what : {"levels", "attribute", "zlib", "meshopt"})
+  for (const char* what : {"levels", "attribute", "color-by", "zlib", "meshopt"})
     if (format.value(what, false)) note += (note.empty() ? "--" : ", --") + std::string(what);
   return note == "--levels" ? "--levels all" : note;
 }

@@ -5,11 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/mesh_check.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
+#include "tools/extract_report.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
@@ -28,6 +30,7 @@ struct MergeArguments {
   PlacementOptions placement;
   bool zlib = false;
   bool meshopt = false;
+  bool check = false;
   bool force = false;
   bool json = false;
   int threads = allCores();
@@ -44,7 +47,9 @@ int runMerge(const MergeArguments& arguments) {
                                                          .zlib = arguments.zlib,
                                                          .meshopt = arguments.meshopt});
   CountingSink counting_sink;
-  TriangleSink& sink = file_sink ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
+  TriangleSink& plain_sink = file_sink ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
+  MeshCheck check(plain_sink);
+  TriangleSink& sink = arguments.check ? check : plain_sink;
   const MergeReport report = runWithThreads(arguments.threads, [&] {
     ProgressBar bar(0, "million triangles");
     MeasuredSink measured(sink, bar);
@@ -52,20 +57,23 @@ int runMerge(const MergeArguments& arguments) {
   });
   const std::uint64_t vertices = file_sink ? file_sink->vertices() : counting_sink.vertices();
   if (arguments.json) {
-    printJson({{"output", output.empty() ? Json() : Json(output)},
-               {"shares", report.shares},
-               {"triangles", report.triangles},
-               {"vertices", vertices},
-               {"bytes_read", report.bytes},
-               {"seconds", watch.seconds()},
-               {"threads", arguments.threads},
-               {"peak_rss_bytes", peakResidentBytes()}});
+    Json json = {{"output", output.empty() ? Json() : Json(output)},
+                 {"shares", report.shares},
+                 {"triangles", report.triangles},
+                 {"vertices", vertices},
+                 {"bytes_read", report.bytes},
+                 {"seconds", watch.seconds()},
+                 {"threads", arguments.threads},
+                 {"peak_rss_bytes", peakResidentBytes()}};
+    if (arguments.check) json["check"] = jsonOfQuality(check.quality());
+    printJson(json);
     return 0;
   }
   fmt::print("{}{} triangles, {} vertices of {} shares ({} in {:.2f} s; peak memory {})\n",
              output.empty() ? "" : oneLine(output) + ": ", countText(report.triangles),
              countText(vertices), countText(report.shares), byteSizeText(report.bytes),
              watch.seconds(), byteSizeText(peakResidentBytes()));
+  if (arguments.check) printQuality(check.quality());
   return 0;
 }
 
@@ -87,6 +95,8 @@ Command addMergeCommand(CLI::App& app) {
   sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
   sub->add_flag("--meshopt", arguments->meshopt, "Pack .glb with EXT_meshopt_compression")
       ->needs(output);
+  sub->add_flag("--check", arguments->check,
+                "Report what the mesh is like, as 'extract --check' does");
   addThreadsOption(*sub, arguments->threads);
   addJsonFlag(*sub, arguments->json);
   sub->footer(R"(

@@ -1,4 +1,4 @@
-// A picture in memory, and the two ways of writing down a colour.
+// A picture in memory.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,8 @@
 #include <span>
 #include <utility>
 #include <vector>
+
+#include "isobrick/extract/color_map.h"
 
 namespace isobrick {
 
@@ -36,19 +38,6 @@ struct Image {
                 static_cast<std::size_t>(x));
   }
 };
-
-// The sRGB curve (IEC 61966-2-1): linear light 0..1 to screen values 0..1; others are clipped, and
-// NaN is black.
-inline float srgbFromLinear(float linear) {
-  if (!(linear > 0.0f)) return 0.0f;
-  if (linear >= 1.0f) return 1.0f;
-  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
-}
-
-// The inverse of the sRGB curve, for values 0..1.
-inline float linearFromSrgb(float srgb) {
-  return srgb <= 0.04045f ? srgb / 12.92f : std::pow((srgb + 0.055f) / 1.055f, 2.4f);
-}
 
 // The 8-bit screen value nearest to a linear one. toSrgb8(linearFromSrgb(k / 255)) is k.
 inline std::uint8_t toSrgb8(float linear) {

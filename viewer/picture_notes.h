@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/storage/grid.h"
-#include "isobrick/viewer/color_map.h"
 
 namespace isobrick {
 

@@ -20,7 +20,10 @@ namespace {
 class GlbSink : public NumberedSink {
  public:
   GlbSink(const std::string& path, const MeshFileOptions& options)
-      : NumberedSink(path, options), indices_(path, "indices"), cap_indices_(path, "caps") {}
+      : NumberedSink(path, options),
+        indices_(path, "indices"),
+        cap_indices_(path, "caps"),
+        json_bytes_(2028 + extraBytes(192)) {}
 
   void begin(const MeshFrame& frame) override {
     NumberedSink::begin(frame);
@@ -28,7 +31,7 @@ class GlbSink : public NumberedSink {
   }
   void place(PlacedBatch& placed) override {
     NumberedSink::place(placed);
-    if (kBinOffset + binBytes() > kMostGlbBytes) throw glbTooLarge(file_.path(), true);
+    if (binOffset() + binBytes() > kMostGlbBytes) throw glbTooLarge(file_.path(), true);
   }
   void write(PlacedBatch& placed) override {
     writeVertices(placed);
@@ -44,22 +47,23 @@ class GlbSink : public NumberedSink {
                         placed.first_cap * kTriangleBytes);
   }
   void finish() override {
-    file_.continueFrom(kBinOffset + vertices() * vertexBytes());
+    file_.continueFrom(binOffset() + vertices() * vertexBytes());
     indices_.appendTo(file_, (triangles_ - caps_) * kTriangleBytes, options_.cancel);
     cap_indices_.appendTo(file_, caps_ * kTriangleBytes, options_.cancel);
     if (triangles_ == 0) {  // the chunk of data is left out: no buffer may be empty
-      file_.continueFrom(kBinOffset - 8);
+      file_.continueFrom(binOffset() - 8);
       file_.cutAfterPosition();
     }
     publish(makeHeader());
   }
 
  private:
-  static constexpr std::size_t kJsonBytes = 2028;
-  static constexpr std::size_t kBinOffset = 12 + 8 + kJsonBytes + 8;
   static constexpr std::size_t kTriangleBytes = 12;
 
-  std::size_t vertexBytes() const { return hasAttribute() ? 28 : 24; }
+  std::uint64_t binOffset() const { return glbHeaderBytes(json_bytes_); }
+  std::size_t vertexBytes() const {
+    return 24 + 4 * attributes().size() + (options_.colors ? sizeof(GltfColor) : 0);
+  }
   std::uint64_t binBytes() const {
     return vertices() * vertexBytes() + triangles_ * kTriangleBytes;
   }
@@ -78,40 +82,53 @@ class GlbSink : public NumberedSink {
       greatest = glm::max(greatest, p);
       to.put(p.x, p.y, p.z, n.x, n.y, n.z);
       // The format forbids NaN.
-      if (hasAttribute()) to.put(std::isnan(placed.values[i]) ? 0.0f : placed.values[i]);
+      for (std::size_t a = 0; a < attributes().size(); ++a) {
+        const double value = valueOf(placed, a, i);
+        to.put(std::isnan(value) ? 0.0f : static_cast<float>(value));
+      }
+      if (options_.colors) to.put(gltfColor(colorOf(placed, i)));
       ++i;
     });
     file_.pwrite(placed.bytes.data(), placed.bytes.size(),
-                 kBinOffset + placed.first_vertex * vertexBytes());
+                 binOffset() + placed.first_vertex * vertexBytes());
     const std::lock_guard lock(bounds_mutex_);
     least_ = glm::min(least_, least);
     greatest_ = glm::max(greatest_, greatest);
   }
 
-  // Behind those of the triangles.
-  std::string valueAccessor() const { return caps_ > 0 && caps_ < triangles_ ? "4" : "3"; }
-
-  std::string makeHeader() const { return glbHeader(makeJson(), kJsonBytes, binBytes()); }
+  std::string makeHeader() const { return glbHeader(makeJson(), json_bytes_, binBytes()); }
 
   std::string makeJson() const {
     const std::string head = joined("{", gltfAsset(frame_), R"(,"scene":0,"scenes":[)");
     if (triangles_ == 0) return joined(head, "{}]}");
 
     const std::string vertex_bytes = std::to_string(vertices() * vertexBytes());
-    const auto attribute = [&](std::size_t offset, const char* type, const std::string& rest) {
+    const auto attribute = [&](std::size_t offset, const char* type, const std::string& rest,
+                               const char* component = "5126") {
       return joined(R"({"bufferView":0,"byteOffset":)", std::to_string(offset),
-                    R"(,"componentType":5126,"count":)", std::to_string(vertices()), R"(,"type":")",
-                    type, "\"", rest, "}");
+                    R"(,"componentType":)", component, R"(,"count":)", std::to_string(vertices()),
+                    R"(,"type":")", type, "\"", rest, "}");
     };
-    // The surface's triangles, and those of caps, each if there are any.
+    // Accessors 0 and 1 are positions and normals; then come indices of the surface and of caps, if
+    // there are any.
+    const std::uint64_t surface = triangles_ - caps_;
+    std::string names, values;
+    std::size_t number = 2 + (surface > 0 ? 1 : 0) + (caps_ > 0 ? 1 : 0), offset = 24;
+    for (const VertexAttribute& one : attributes()) {
+      names += joined(R"(,")", gltfAttribute(one.name), R"(":)", std::to_string(number++));
+      values += joined(",", attribute(offset, "SCALAR", ""));
+      offset += 4;
+    }
+    if (options_.colors) {
+      names += joined(R"(,"COLOR_0":)", std::to_string(number));
+      values += joined(",", attribute(offset, "VEC4", R"(,"normalized":true)", "5123"));
+    }
     std::string primitives, accessors;
     std::size_t next_accessor = 2;
     const auto addTriangles = [&](std::uint64_t first, std::uint64_t count, const char* material) {
       if (count == 0) return;
-      const std::string value =
-          hasAttribute() ? joined(R"(,")", gltfAttribute(options_), R"(":)", valueAccessor()) : "";
       primitives +=
-          joined(primitives.empty() ? "" : ",", R"({"attributes":{"POSITION":0,"NORMAL":1)", value,
+          joined(primitives.empty() ? "" : ",", R"({"attributes":{"POSITION":0,"NORMAL":1)", names,
                  R"(},"indices":)", std::to_string(next_accessor), R"(,"mode":4,"material":)",
                  material, "}");
       accessors += joined(
@@ -120,15 +137,14 @@ class GlbSink : public NumberedSink {
           R"("componentType":5125,"count":)", std::to_string(3 * count), R"(,"type":"SCALAR"})");
       ++next_accessor;
     };
-    addTriangles(0, triangles_ - caps_, "0");
-    addTriangles(triangles_ - caps_, caps_, "1");
+    addTriangles(0, surface, "0");
+    addTriangles(surface, caps_, "1");
     return joined(
         head, gltfNode(center_), R"(,"meshes":[{"primitives":[)", primitives, "]}],",
         gltfMaterials(frame_), R"(,"accessors":[)",
         attribute(0, "VEC3",
                   joined(R"(,"min":)", arrayText(least_), R"(,"max":)", arrayText(greatest_))),
-        ",", attribute(12, "VEC3", ""), accessors,
-        hasAttribute() ? joined(",", attribute(24, "SCALAR", "")) : "",
+        ",", attribute(12, "VEC3", ""), accessors, values,
         R"(],"bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":)", vertex_bytes,
         R"(,"byteStride":)", std::to_string(vertexBytes()),
         R"(,"target":34962},{"buffer":0,"byteOffset":)", vertex_bytes, R"(,"byteLength":)",
@@ -137,6 +153,7 @@ class GlbSink : public NumberedSink {
   }
 
   SideFile indices_, cap_indices_;
+  const std::size_t json_bytes_;  // a multiple of 4
   glm::dvec3 center_{0.0};
   std::mutex bounds_mutex_;
   glm::vec3 least_{std::numeric_limits<float>::infinity()};

@@ -34,6 +34,19 @@ glm::dvec3 gltfCenter(const MeshFrame& frame) {
   return center;
 }
 
+std::string gltfAttribute(const std::string& name) {
+  std::string capitals = "_" + name;
+  for (char& c : capitals) c = c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+  return capitals;
+}
+
+GltfColor gltfColor(const glm::vec3& srgb) {
+  const auto channel = [](float value) {
+    return static_cast<std::uint16_t>(std::lround(65535.0f * linearFromSrgb(value)));
+  };
+  return {channel(srgb.r), channel(srgb.g), channel(srgb.b), 65535};
+}
+
 std::string gltfAsset(const MeshFrame& frame) {
   const glm::dvec3 shift = shiftOf(frame);
   const bool is_shifted = shift != glm::dvec3(0.0);

@@ -1,6 +1,7 @@
 // The common part of both kinds of binary glTF. Private to extract/sinks/.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <string>
@@ -26,10 +27,12 @@ std::string arrayText(const glm::dvec3& v);
 // The middle of the volume, exact as a float too, since many readers convert it to one.
 glm::dvec3 gltfCenter(const MeshFrame& frame);
 
-// The name of the attribute that vertices have beside position and normal.
-inline std::string_view gltfAttribute(const MeshFileOptions& options) {
-  return options.components ? "_COMPONENT" : "_VALUE";
-}
+// The name that an attribute has there: "_VALUE".
+std::string gltfAttribute(const std::string& name);
+
+// A colour (sRGB) as COLOR_0 has it: linear light, normalised, opaque.
+using GltfColor = std::array<std::uint16_t, 4>;
+GltfColor gltfColor(const glm::vec3& srgb);
 
 // "asset":{...}
 std::string gltfAsset(const MeshFrame& frame);

@@ -1,16 +1,19 @@
 // Meshes streamed to files; nothing but shared vertices stays in memory.
 #pragma once
 
+#include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "isobrick/extract/color_map.h"
+#include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
-
-class VertexValues;  // extract/pyramid_values.h
 
 // A sink that writes a file and publishes it in finish().
 class MeshFileSink : public TriangleSink {
@@ -42,17 +45,41 @@ struct MeshPlacement {
   GridGeometry placed(const GridGeometry& volume) const;
 };
 
+// A number for every vertex.
+struct VertexAttribute {
+  // A letter or '_', then letters, digits and '_', at most kMostAttributeName of them; no two are
+  // equal, nor one that the format has itself, such as `x`. In .glb it is `_NAME`.
+  std::string name = "value";
+  // Null: PlacedBatch::components, whole numbers.
+  const VertexValues* values = nullptr;
+  // Of .ply and .vtp. Vertices without a value are NaN, or 0 where the type or the format has none.
+  // What the type does not hold is an Error. In .glb all are floats.
+  AttributeType type = AttributeType::kFloat32;
+};
+// Characters of an attribute's name.
+inline constexpr std::size_t kMostAttributeName = 24;
+// True of a name of that form.
+bool isAttributeName(std::string_view name);
+
+// Colours for the vertices by one of their attributes: sRGB in .ply (red, green, blue) and .obj
+// (behind the position), linear in .glb (COLOR_0).
+struct VertexColors {
+  std::size_t attribute = 0;  // which of MeshFileOptions::attributes
+  // From `low` on to `high`, which is above; vertices without a value are grey. Without a map
+  // values are numbers of parts, and each has a colour of its own: componentColor().
+  std::optional<ColorMap> map;
+  double low = 0;   // has the map's first colour
+  double high = 1;  // has its last one
+};
+
 // Options of a mesh file. All pointers may be null; their targets outlive the sink.
 struct MeshFileOptions {
   // Checked in finish(), which then throws Cancelled and leaves no file.
   const CancelFlag* cancel = nullptr;
-  // An attribute of the vertices: `value` of .ply and .vtp, `_VALUE` of .glb, in which 0 stands
-  // for vertices without one. Error for the other formats.
-  const VertexValues* values = nullptr;
-  // PlacedBatch::components as an attribute in place of values: `component` of .ply and .vtp, a
-  // whole number; `_COMPONENT` of .glb, which has floats: exact up to 16,777,216. Error for the
-  // other formats.
-  bool components = false;
+  // Of .ply, .vtp and .glb; of .obj for its colours alone. Error for the other formats.
+  std::vector<VertexAttribute> attributes = {};
+  // Of .ply, .glb and .obj. Error for the other formats.
+  std::optional<VertexColors> colors = {};
   // Positions, normals and triangles follow it, and headers say it. Values are those of the places
   // in the volume's world.
   MeshPlacement placement = {};
@@ -64,10 +91,11 @@ struct MeshFileOptions {
 
 // A format of meshes, and which of MeshFileOptions it takes.
 struct MeshFormatInfo {
-  std::string ending;  // ".ply"
-  bool has_values;     // MeshFileOptions::values, and components
-  bool has_zlib;       // MeshFileOptions::zlib
-  bool has_meshopt;    // MeshFileOptions::meshopt
+  std::string ending;   // ".ply"
+  bool has_attributes;  // MeshFileOptions::attributes
+  bool has_colors;      // MeshFileOptions::colors
+  bool has_zlib;        // MeshFileOptions::zlib
+  bool has_meshopt;     // MeshFileOptions::meshopt
 };
 // All that makeMeshFileSink() writes.
 std::vector<MeshFormatInfo> meshFormats();

@@ -59,7 +59,7 @@ std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFil
 struct MeshFormat {
   const char* extension;
   std::unique_ptr<MeshFileSink> (*make)(const std::string& path, const MeshFileOptions& options);
-  bool has_values, has_zlib, has_meshopt;
+  bool has_attributes, has_colors, has_zlib, has_meshopt;
   // Null: a file holds one surface.
   std::unique_ptr<MeshCollection> (*make_several)(const std::string& path,
                                                   const MeshFileOptions& options) = nullptr;

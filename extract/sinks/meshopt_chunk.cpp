@@ -8,8 +8,6 @@
 #include <glm/vec4.hpp>
 #include <span>
 
-#include "isobrick/extract/sinks/gltf_text.h"
-
 namespace isobrick {
 namespace {
 
@@ -49,10 +47,9 @@ std::vector<std::uint32_t> allTriangles(const std::vector<MeshoptPiece>& pieces,
 
 class ChunkPacker {
  public:
-  void addVertices(PackedChunk::View view, const void* data, std::size_t count,
-                   std::size_t stride) {
+  void addVertices(const void* data, std::size_t count, std::size_t stride) {
     buffer_.resize(meshopt_encodeVertexBufferBound(count, stride));
-    add(view, count, stride,
+    add(count, stride,
         meshopt_encodeVertexBuffer(buffer_.data(), buffer_.size(), data, count, stride));
   }
   void addNormals(const std::vector<glm::vec3>& normals, std::size_t count) {
@@ -60,20 +57,19 @@ class ChunkPacker {
     for (std::size_t v = 0; v < count; ++v) units[v] = glm::vec4(normals[v], 0.0f);
     std::vector<std::int16_t> shorts(4 * count);
     meshopt_encodeFilterOct(shorts.data(), count, 8, kNormalBits, &units[0].x);
-    addVertices(PackedChunk::kNormals, shorts.data(), count, 8);
+    addVertices(shorts.data(), count, 8);
   }
-  void addTriangles(PackedChunk::View view, std::span<const std::uint32_t> corners,
-                    std::size_t vertices) {
-    if (corners.empty()) return;
+  void addTriangles(std::span<const std::uint32_t> corners, std::size_t vertices) {
+    if (corners.empty()) return add(0, sizeof(std::uint32_t), 0);
     buffer_.resize(meshopt_encodeIndexBufferBound(corners.size(), vertices));
-    add(view, corners.size(), sizeof(std::uint32_t),
+    add(corners.size(), sizeof(std::uint32_t),
         meshopt_encodeIndexBuffer(buffer_.data(), buffer_.size(), corners.data(), corners.size()));
   }
   PackedChunk take() { return std::move(packed_); }
 
  private:
-  void add(PackedChunk::View view, std::size_t count, std::size_t stride, std::size_t bytes) {
-    packed_.views[view] = {count, stride, packed_.bytes.size(), bytes};
+  void add(std::size_t count, std::size_t stride, std::size_t bytes) {
+    packed_.views.push_back({count, stride, packed_.bytes.size(), bytes});
     const auto* const begin = reinterpret_cast<const std::byte*>(buffer_.data());
     packed_.bytes.insert(packed_.bytes.end(), begin, begin + bytes);
     packed_.bytes.resize((packed_.bytes.size() + 3) & ~std::size_t{3});
@@ -145,7 +141,6 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   chooseIndexVersion();
   std::vector<glm::i32vec3> positions = allOf(pieces, &MeshoptPiece::positions);
   std::vector<glm::vec3> normals = allOf(pieces, &MeshoptPiece::normals);
-  std::vector<float> values = allOf(pieces, &MeshoptPiece::values);
 
   const std::vector<std::uint32_t> surface = allTriangles(pieces, &MeshoptPiece::triangles),
                                    caps = allTriangles(pieces, &MeshoptPiece::caps);
@@ -153,7 +148,6 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   const std::size_t count = arrangement.vertices();
   arrangement.rearrange(positions);
   arrangement.rearrange(normals);
-  if (!values.empty()) arrangement.rearrange(values);
 
   ChunkPacker packer;
   glm::i32vec3 least = positions[0], greatest = positions[0];
@@ -167,12 +161,22 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
           static_cast<std::uint32_t>(lattice.exponent) << 24 |
           (static_cast<std::uint32_t>(positions[v][axis]) & 0xFFFFFF);
   }
-  packer.addVertices(PackedChunk::kPositions, numbers.data(), count, 12);
+  packer.addVertices(numbers.data(), count, 12);
 
   packer.addNormals(normals, count);
-  if (!values.empty()) packer.addVertices(PackedChunk::kValues, values.data(), count, 4);
-  packer.addTriangles(PackedChunk::kTriangles, arrangement.surface(), count);
-  packer.addTriangles(PackedChunk::kCaps, arrangement.caps(), count);
+  for (std::size_t a = 0; a < pieces.front().attributes.size(); ++a) {
+    std::vector<float> values;
+    for (const MeshoptPiece& piece : pieces)
+      values.insert(values.end(), piece.attributes[a].begin(), piece.attributes[a].end());
+    arrangement.rearrange(values);
+    packer.addVertices(values.data(), count, sizeof values[0]);
+  }
+  if (std::vector<GltfColor> colors = allOf(pieces, &MeshoptPiece::colors); !colors.empty()) {
+    arrangement.rearrange(colors);
+    packer.addVertices(colors.data(), count, sizeof colors[0]);
+  }
+  packer.addTriangles(arrangement.surface(), count);
+  packer.addTriangles(arrangement.caps(), count);
   PackedChunk packed = packer.take();
   // Exact: a float has 24 bits.
   packed.least = glm::vec3(glm::dvec3(least) * lattice.step());
@@ -187,10 +191,10 @@ PackedChunk packShortChunk(std::vector<ShortPosition> positions, std::vector<glm
   arrangement.rearrange(positions);
   arrangement.rearrange(normals);
   ChunkPacker packer;
-  packer.addVertices(PackedChunk::kPositions, positions.data(), arrangement.vertices(),
-                     sizeof(ShortPosition));
+  packer.addVertices(positions.data(), arrangement.vertices(), sizeof(ShortPosition));
   packer.addNormals(normals, arrangement.vertices());
-  packer.addTriangles(PackedChunk::kTriangles, arrangement.surface(), arrangement.vertices());
+  packer.addTriangles(arrangement.surface(), arrangement.vertices());
+  packer.addTriangles(arrangement.caps(), arrangement.vertices());
   return packer.take();
 }
 

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "isobrick/extract/sinks/gltf_text.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
@@ -33,25 +34,30 @@ struct PositionLattice {
 struct MeshoptPiece {
   std::vector<glm::i32vec3> positions;         // on the lattice
   std::vector<glm::vec3> normals;              // one a position
-  std::vector<float> values;                   // likewise, or none
+  std::vector<std::vector<float>> attributes;  // numbers, likewise
+  std::vector<GltfColor> colors;               // likewise, or none
   std::vector<std::uint32_t> triangles, caps;  // three indices each
 };
 
 // Its bytes are the packed views one after the other, each padded to 4 bytes.
 struct PackedChunk {
-  enum View { kPositions, kNormals, kValues, kTriangles, kCaps, kViews };
+  // The first views; attributes and colours, in that order, triangles and caps come behind.
+  enum View : std::size_t { kPositions, kNormals, kAttributes };
   // As the extension counts them: elements of the view, bytes of one, and packed bytes.
   struct ViewSize {
     std::uint64_t count = 0, stride = 0, offset = 0, bytes = 0;
   };
-  std::array<ViewSize, kViews> views;  // count 0: there are none
+  std::vector<ViewSize> views;  // count 0: there are no caps
+  std::size_t triangles() const { return views.size() - 2; }  // their view
+  std::size_t caps() const { return views.size() - 1; }
   std::vector<std::byte> bytes;
   glm::vec3 least{0.0f}, greatest{0.0f};  // of positions from the center
 };
 
 // Positions with the filter EXPONENTIAL, normals as four normalised shorts of 10 bits with the
-// filter OCTAHEDRAL, values as they are, triangles in an order that packs well, each beginning with
-// any of its corners. All pieces have values, or none has; there is at least one triangle.
+// filter OCTAHEDRAL, attributes and colours as they are, triangles in an order that packs well,
+// each beginning with any of its corners. All pieces have the same attributes; there is at least
+// one triangle.
 PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLattice& lattice);
 
 // Positions of 16 bits, from 0 on.

@@ -1,4 +1,5 @@
 // glTF 2.0, binary, packed as EXT_meshopt_compression says.
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -92,10 +93,16 @@ class MeshoptSink : public NumberedSink {
     const auto caps = batch.triangles.end() - static_cast<std::ptrdiff_t>(batch.cap_indices);
     piece.triangles.assign(batch.triangles.begin(), caps);
     piece.caps.assign(caps, batch.triangles.end());
-    if (!hasAttribute()) return piece;
-    piece.values = placed.values;
-    for (float& value : piece.values)
-      if (std::isnan(value)) value = 0;  // the format forbids NaN
+    const std::size_t count = placed.world.size();
+    for (std::size_t a = 0; a < attributes().size(); ++a) {
+      std::vector<float>& values = piece.attributes.emplace_back();
+      for (std::size_t i = 0; i < count; ++i) {
+        const double value = valueOf(placed, a, i);
+        values.push_back(std::isnan(value) ? 0 : static_cast<float>(value));  // NaN is forbidden
+      }
+    }
+    for (std::size_t i = 0; options_.colors && i < count; ++i)
+      piece.colors.push_back(gltfColor(colorOf(placed, i)));
     return piece;
   }
 
@@ -124,40 +131,42 @@ class MeshoptSink : public NumberedSink {
     for (const auto& view : chunk.views) plain_bytes += view.count * view.stride;
     if (unpacked_bytes_.empty() || unpacked_bytes_.back() + plain_bytes > kMostUnpackedBytes)
       unpacked_bytes_.push_back(0);
-    const bool has_values = chunk.views[PackedChunk::kValues].count > 0;
-    const auto accessor = [&](PackedChunk::View view, const char* rest) {
+    const auto accessor = [&](std::size_t view, const char* rest) {
       accessors_ += joined(accessor_count_ == 0 ? "" : ",", R"({"bufferView":)",
                            std::to_string(addView(chunk, view)), R"(,"count":)",
                            std::to_string(chunk.views[view].count), rest);
       return std::to_string(accessor_count_++);
     };
-    const std::string positions =
-        accessor(PackedChunk::kPositions, R"(,"componentType":5126,"type":"VEC3")");
+    std::string names =
+        joined(R"("POSITION":)",
+               accessor(PackedChunk::kPositions, R"(,"componentType":5126,"type":"VEC3")"));
     accessors_ +=
         joined(R"(,"min":)", arrayText(chunk.least), R"(,"max":)", arrayText(chunk.greatest), "}");
-    const std::string normals = accessor(
-        PackedChunk::kNormals, R"(,"componentType":5122,"normalized":true,"type":"VEC3"})");
-    const std::string values =
-        has_values ? accessor(PackedChunk::kValues, R"(,"componentType":5126,"type":"SCALAR"})")
-                   : "";
+    names += joined(R"(,"NORMAL":)",
+                    accessor(PackedChunk::kNormals,
+                             R"(,"componentType":5122,"normalized":true,"type":"VEC3"})"));
+    std::size_t view = PackedChunk::kAttributes;
+    for (const VertexAttribute& attribute : attributes())
+      names += joined(R"(,")", gltfAttribute(attribute.name), R"(":)",
+                      accessor(view++, R"(,"componentType":5126,"type":"SCALAR"})"));
+    if (options_.colors)
+      names +=
+          joined(R"(,"COLOR_0":)",
+                 accessor(view++, R"(,"componentType":5123,"normalized":true,"type":"VEC4"})"));
     for (const auto& [kind, material] :
-         {std::pair(PackedChunk::kTriangles, "0"), std::pair(PackedChunk::kCaps, "1")}) {
+         {std::pair(chunk.triangles(), "0"), std::pair(chunk.caps(), "1")}) {
       if (chunk.views[kind].count == 0) continue;
       const std::string triangles = accessor(kind, R"(,"componentType":5125,"type":"SCALAR"})");
-      primitives_ +=
-          joined(primitives_.empty() ? "" : ",", R"({"attributes":{"POSITION":)", positions,
-                 R"(,"NORMAL":)", normals,
-                 has_values ? joined(R"(,")", gltfAttribute(options_), R"(":)", values) : "",
-                 R"(},"indices":)", triangles, R"(,"mode":4,"material":)", material, "}");
+      primitives_ += joined(primitives_.empty() ? "" : ",", R"({"attributes":{)", names,
+                            R"(},"indices":)", triangles, R"(,"mode":4,"material":)", material, "}");
     }
   }
 
-  std::size_t addView(const PackedChunk& chunk, PackedChunk::View kind) {
+  std::size_t addView(const PackedChunk& chunk, std::size_t kind) {
     const PackedChunk::ViewSize& view = chunk.views[kind];
     constexpr const char* kModes[] = {R"("ATTRIBUTES","filter":"EXPONENTIAL")",
-                                      R"("ATTRIBUTES","filter":"OCTAHEDRAL")", R"("ATTRIBUTES")",
-                                      R"("TRIANGLES")", R"("TRIANGLES")"};
-    const bool is_triangles = kind == PackedChunk::kTriangles || kind == PackedChunk::kCaps;
+                                      R"("ATTRIBUTES","filter":"OCTAHEDRAL")", R"("ATTRIBUTES")"};
+    const bool is_triangles = kind >= chunk.triangles();
     const std::string stride = joined(R"(,"byteStride":)", std::to_string(view.stride));
     std::uint64_t& unpacked = unpacked_bytes_.back();
     views_ += joined(
@@ -167,7 +176,8 @@ class MeshoptSink : public NumberedSink {
         is_triangles ? "34963" : "34962", R"(,"extensions":{"EXT_meshopt_compression":{"buffer":0)",
         R"(,"byteOffset":)", std::to_string(packed_bytes_ + view.offset), R"(,"byteLength":)",
         std::to_string(view.bytes), stride, R"(,"count":)", std::to_string(view.count),
-        R"(,"mode":)", kModes[kind], "}}}");
+        R"(,"mode":)", is_triangles ? R"("TRIANGLES")" : kModes[std::min(kind, std::size_t{2})],
+        "}}}");
     unpacked += view.count * view.stride;
     return view_count_++;
   }

@@ -20,6 +20,8 @@ glm::dvec3 nearestOnSegment(const glm::dvec3& point, const glm::dvec3& from, con
   return from + std::clamp(share, 0.0, 1.0) * along;
 }
 
+}  // namespace
+
 glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                              const glm::dvec3& c) {
   const glm::dvec3 normal = glm::cross(b - a, c - a);
@@ -36,8 +38,6 @@ glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const
   };
   return *std::ranges::min_element(on_sides, {}, squareTo);
 }
-
-}  // namespace
 
 double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                        const glm::dvec3& c) {

@@ -11,9 +11,12 @@
 
 namespace isobrick {
 
-// The square of the distance. The triangle a, b, c may be a line or a point (Ericson, Real-Time
-// Collision Detection, 2005, 5.1.5: by the region of the triangle's plane that the point lies
-// over).
+// The point of the triangle that is nearest. The triangle a, b, c may be a line or a point
+// (Ericson, Real-Time Collision Detection, 2005, 5.1.5: by the region of the triangle's plane that
+// the point lies over).
+glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
+                             const glm::dvec3& c);
+// The square of the distance from it.
 double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                        const glm::dvec3& c);
 

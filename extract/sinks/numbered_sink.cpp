@@ -1,6 +1,11 @@
 #include "isobrick/extract/sinks/numbered_sink.h"
 
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 #include <limits>
+#include <utility>
 
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/storage/error.h"
@@ -11,11 +16,17 @@ void NumberedMesh::begin(const MeshFrame& frame) {
   frame_ = frame;
   double_precision_ = frame_.coordinateMagnitudeInVoxels() >= 2048;
   placement_ = WorldPlacement(frame_.geometry);
-  if (frame_.placed) volume_placement_ = WorldPlacement(frame_.placed->volume);
+  if (!frame_.placed) return;
+  volume_placement_ = WorldPlacement(frame_.placed->volume);
+  const glm::dmat3 moved = frame_.geometry.indexToWorldMatrix() *
+                           glm::inverse(frame_.placed->volume.indexToWorldMatrix());
+  volume_normals_ = glm::mat3(glm::transpose(moved));
 }
 
 void NumberedMesh::place(PlacedBatch& placed) {
-  if (options_.components && placed.components.size() != placed.batch.positions.size())
+  const bool wants_components = std::ranges::any_of(
+      attributes(), [](const VertexAttribute& attribute) { return attribute.values == nullptr; });
+  if (wants_components && placed.components.size() != placed.batch.positions.size())
     throw Error("'" + path_ +
                     "': the vertices have no numbers of components; put a ComponentFilter or a "
                     "ComponentNumbering before the file",
@@ -34,23 +45,16 @@ void NumberedMesh::place(PlacedBatch& placed) {
 
 template <typename ForEach>
 void NumberedMesh::findWorld(PlacedBatch& placed, const ForEach& for_each) const {
+  std::vector<std::uint32_t> vertices;
+  for_each([&](std::size_t v) { vertices.push_back(static_cast<std::uint32_t>(v)); });
   const auto find = [&](const WorldPlacement& placement) {
     placed.world.clear();
-    for_each([&](std::size_t v) {
-      placed.world.push_back(placement.worldPosition(placed.batch, static_cast<std::uint32_t>(v)));
-    });
+    for (const std::uint32_t v : vertices)
+      placed.world.push_back(placement.worldPosition(placed.batch, v));
   };
-  if (options_.components) {
-    placed.values.clear();
-    for_each(
-        [&](std::size_t v) { placed.values.push_back(static_cast<float>(placed.components[v])); });
-  } else if (options_.values != nullptr) {
-    find(frame_.placed ? volume_placement_ : placement_);
-    placed.values.resize(placed.world.size());
-    options_.values->evaluate(placed.world, placed.values);
-    if (!frame_.placed) return;
-  }
-  find(placement_);
+  find(frame_.placed ? volume_placement_ : placement_);
+  findValues(placed, vertices);
+  if (frame_.placed) find(placement_);
 }
 
 void NumberedMesh::findVertices(PlacedBatch& placed) const {
@@ -61,6 +65,55 @@ void NumberedMesh::findAllVertices(PlacedBatch& placed) const {
   findWorld(placed, [&](const auto& f) {
     for (std::size_t v = 0; v < placed.batch.positions.size(); ++v) f(v);
   });
+}
+
+void NumberedMesh::findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const {
+  if (attributes().empty()) return;
+  const std::size_t count = placed.world.size();
+  placed.values.resize(attributes().size() * count);
+  std::vector<glm::vec3> normals;
+  for (const std::uint32_t v : vertices) {
+    const glm::vec3& normal = placed.batch.normals[v];
+    normals.push_back(frame_.placed ? glm::normalize(volume_normals_ * normal) : normal);
+  }
+  for (std::size_t a = 0; a < attributes().size(); ++a) {
+    const std::span<double> values = std::span(placed.values).subspan(a * count, count);
+    if (const VertexValues* const field = attributes()[a].values)
+      field->evaluate(placed.world, normals, values);
+    else
+      std::ranges::transform(vertices, values.begin(),
+                             [&](std::uint32_t v) { return placed.components[v]; });
+  }
+}
+
+void NumberedMesh::putValue(BytePointer& to, const VertexAttribute& attribute, double value) const {
+  const auto putWhole = [&]<typename Whole>(Whole) {
+    if (std::isnan(value)) value = 0;
+    const auto whole = static_cast<std::int64_t>(value);
+    if (!std::in_range<Whole>(whole) || static_cast<double>(whole) != value)
+      throw Error("'" + path_ + "': the value " + std::to_string(value) + " of '" +
+                      attribute.name + "' is no whole number of 32 bits; give another attribute",
+                  {.path = path_});
+    to.put(static_cast<Whole>(whole));
+  };
+  switch (attribute.type) {
+    case AttributeType::kFloat32:
+      return to.put(static_cast<float>(value));
+    case AttributeType::kFloat64:
+      return to.put(value);
+    case AttributeType::kInt32:
+      return putWhole(std::int32_t{});
+    case AttributeType::kUint32:
+      return putWhole(std::uint32_t{});
+  }
+}
+
+glm::vec3 NumberedMesh::colorOf(const PlacedBatch& placed, std::size_t i) const {
+  const VertexColors& colors = *options_.colors;
+  const double value = valueOf(placed, colors.attribute, i);
+  if (std::isnan(value)) return glm::vec3(0.5f);
+  if (!colors.map) return componentColor(static_cast<std::size_t>(std::abs(value)));
+  return valueColor(*colors.map, (value - colors.low) / (colors.high - colors.low));
 }
 
 }  // namespace isobrick

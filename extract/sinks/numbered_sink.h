@@ -1,8 +1,12 @@
 // The common part of the formats with numbered vertices.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
@@ -11,6 +15,19 @@
 #include "isobrick/storage/atomic_file.h"
 
 namespace isobrick {
+
+// How a type of attributes is called, and the bytes of a number.
+struct AttributeTypeInfo {
+  std::string_view ply, vtk;
+  std::size_t bytes;
+};
+constexpr AttributeTypeInfo infoOf(AttributeType type) {
+  constexpr AttributeTypeInfo kInfos[] = {{"float", "Float32", 4},
+                                          {"double", "Float64", 8},
+                                          {"int", "Int32", 4},
+                                          {"uint", "UInt32", 4}};
+  return kInfos[static_cast<std::size_t>(type)];
+}
 
 // A mesh whose vertices have numbers of 32 bits. `path` is for messages.
 class NumberedMesh : public MeshFileSink {
@@ -28,9 +45,23 @@ class NumberedMesh : public MeshFileSink {
   static std::size_t newVertices(const PlacedBatch& placed) {
     return placed.batch.positions.size() - placed.known.size();
   }
-  bool hasAttribute() const { return options_.values != nullptr || options_.components; }
-  // Fills placed.world, and placed.values if there is an attribute: of the new vertices, in their
-  // order.
+  const std::vector<VertexAttribute>& attributes() const { return options_.attributes; }
+  // For a header of a length of its own: what attributes and colours need beyond the one attribute
+  // that it has room for.
+  std::size_t extraBytes(std::size_t each) const {
+    const std::size_t count = attributes().size() + (options_.colors ? 2 : 0);
+    return count > 1 ? (count - 1) * each : 0;
+  }
+  // After findVertices(): of placed.world[i].
+  static double valueOf(const PlacedBatch& placed, std::size_t attribute, std::size_t i) {
+    return placed.values[attribute * placed.world.size() + i];
+  }
+  // As the type says, NaN as 0 if that has none.
+  void putValue(BytePointer& to, const VertexAttribute& attribute, double value) const;
+  // Of placed.world[i], if there are colours; sRGB.
+  glm::vec3 colorOf(const PlacedBatch& placed, std::size_t i) const;
+  // Fills placed.world, and placed.values, attribute by attribute: of the new vertices, in
+  // their order.
   void findVertices(PlacedBatch& placed) const;
   // The same for all vertices of the batch.
   void findAllVertices(PlacedBatch& placed) const;
@@ -63,8 +94,11 @@ class NumberedMesh : public MeshFileSink {
   // `for_each` calls its argument with the index of every vertex that is wanted.
   template <typename ForEach>
   void findWorld(PlacedBatch& placed, const ForEach& for_each) const;
+  // Of `vertices`, those of placed.world, in the volume's world.
+  void findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const;
 
   WorldPlacement placement_, volume_placement_;
+  glm::mat3 volume_normals_{1.0f};  // of a mesh that is placed elsewhere, back to the volume's world
   VertexNumbering numbering_;
 };
 

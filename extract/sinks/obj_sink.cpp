@@ -1,5 +1,6 @@
 // Wavefront OBJ.
 #include <charconv>
+#include <cmath>
 #include <cstring>
 #include <string>
 
@@ -11,6 +12,8 @@ namespace {
 
 // Characters of the longest float and double that read back as the same number.
 constexpr std::size_t kFloatWidth = 15, kDoubleWidth = 24;
+// Of a share of 255 with four digits behind the point.
+constexpr std::size_t kColorWidth = 6;
 
 // Writes text of a known length into memory.
 class TextPointer {
@@ -74,13 +77,19 @@ class ObjSink : public NumberedSink {
     findNumbers(placed);
     placed.bytes.resize(textBytes(placed));
     TextPointer to(placed.bytes.data());
-    for (const glm::dvec3& p : placed.world) {
+    for (std::size_t i = 0; i < placed.world.size(); ++i) {
+      const glm::dvec3& p = placed.world[i];
       to.put("v");
       for (int axis = 0; axis < 3; ++axis) {
         if (double_precision_)
           to.putNumber(p[axis], kDoubleWidth);
         else
           to.putNumber(static_cast<float>(p[axis]), kFloatWidth);
+      }
+      if (options_.colors) {
+        const glm::vec3 color = colorOf(placed, i);
+        for (int axis = 0; axis < 3; ++axis)
+          to.putNumber(std::round(color[axis] * 10000) / 10000, kColorWidth);
       }
       to.put("\n");
     }
@@ -129,7 +138,9 @@ class ObjSink : public NumberedSink {
     return 2 * digitsOf(placed.first_vertex + newVertices(placed)) + 2;
   }
   std::size_t textBytes(const PlacedBatch& placed) const {
-    const std::size_t position = 3 * (1 + (double_precision_ ? kDoubleWidth : kFloatWidth)) + 2;
+    const std::size_t color = options_.colors ? 3 * (1 + kColorWidth) : 0;
+    const std::size_t position =
+        3 * (1 + (double_precision_ ? kDoubleWidth : kFloatWidth)) + color + 2;
     const std::size_t normal = 3 * (1 + kFloatWidth) + 3;
     const std::size_t face = 3 * (1 + cornerWidth(placed)) + 2;
     std::size_t groups = 0;

@@ -1,4 +1,7 @@
 // Binary PLY.
+#include <glm/common.hpp>
+
+#include "isobrick/extract/sinks/gltf_text.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"
@@ -10,24 +13,25 @@ namespace {
 class PlySink : public NumberedSink {
  public:
   PlySink(const std::string& path, const MeshFileOptions& options)
-      : NumberedSink(path, options), faces_(path, "faces") {}
+      : NumberedSink(path, options), faces_(path, "faces"), header_bytes_(512 + extraBytes(64)) {}
 
   void write(PlacedBatch& placed) override {
     writeVertices(placed);
     writeFaces(placed);
   }
   void finish() override {
-    file_.continueFrom(kHeaderBytes + vertices() * vertexBytes());
+    file_.continueFrom(header_bytes_ + vertices() * vertexBytes());
     faces_.appendTo(file_, triangles_ * faceBytes(), options_.cancel);
     publish(makeHeader());
   }
 
  private:
-  static constexpr std::size_t kHeaderBytes = 512;
 
   std::size_t faceBytes() const { return frame_.has_caps ? 15 : 14; }
   std::size_t vertexBytes() const {
-    return (double_precision_ ? 36u : 24u) + (hasAttribute() ? 4u : 0u);
+    std::size_t bytes = (double_precision_ ? 36u : 24u) + (options_.colors ? 3u : 0u);
+    for (const VertexAttribute& attribute : attributes()) bytes += infoOf(attribute.type).bytes;
+    return bytes;
   }
 
   void writeVertices(PlacedBatch& placed) {
@@ -44,14 +48,17 @@ class PlySink : public NumberedSink {
       else
         to.put(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), n.x, n.y,
                n.z);
-      if (options_.components)
-        to.put(placed.components[v]);
-      else if (options_.values != nullptr)
-        to.put(placed.values[i]);
+      for (std::size_t a = 0; a < attributes().size(); ++a)
+        putValue(to, attributes()[a], valueOf(placed, a, i));
+      if (options_.colors) {
+        const glm::vec3 color = glm::round(255.0f * colorOf(placed, i));
+        to.put(static_cast<std::uint8_t>(color.r), static_cast<std::uint8_t>(color.g),
+               static_cast<std::uint8_t>(color.b));
+      }
       ++i;
     });
     file_.pwrite(placed.bytes.data(), placed.bytes.size(),
-                 kHeaderBytes + placed.first_vertex * vertexBytes());
+                 header_bytes_ + placed.first_vertex * vertexBytes());
   }
   void writeFaces(PlacedBatch& placed) {
     const MeshBatch& batch = placed.batch;
@@ -67,7 +74,7 @@ class PlySink : public NumberedSink {
     faces_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle * faceBytes());
   }
 
-  // Always kHeaderBytes long: a comment fills the rest.
+  // Always header_bytes_ long: a comment fills the rest.
   std::string makeHeader() const {
     const std::string real = double_precision_ ? "double" : "float";
     const std::string head =
@@ -78,19 +85,21 @@ class PlySink : public NumberedSink {
     for (const char* name : {"x", "y", "z"}) rest += "property " + real + " " + name + "\n";
     for (const char* name : {"nx", "ny", "nz"})
       rest += std::string("property float ") + name + "\n";
-    if (options_.components)
-      rest += "property uint component\n";
-    else if (options_.values != nullptr)
-      rest += "property float value\n";
+    for (const VertexAttribute& attribute : attributes())
+      rest += joined("property ", infoOf(attribute.type).ply, " ", attribute.name, "\n");
+    if (options_.colors)
+      for (const char* name : {"red", "green", "blue"})
+        rest += joined("property uchar ", name, "\n");
     rest += "element face " + std::to_string(triangles_) +
             "\nproperty list uchar uint vertex_indices\nproperty uchar level\n" +
             (frame_.has_caps ? "property uchar cap\n" : "") + "end_header\n";
     const std::string prefix = "comment ";
-    const std::size_t fill = kHeaderBytes - head.size() - rest.size() - prefix.size() - 1;
+    const std::size_t fill = header_bytes_ - head.size() - rest.size() - prefix.size() - 1;
     return head + prefix + std::string(fill, '.') + "\n" + rest;
   }
 
   SideFile faces_;
+  const std::size_t header_bytes_;
 };
 
 }  // namespace

@@ -173,7 +173,7 @@ struct PlacedBatch {
   std::vector<std::uint32_t> numbers;  // scratch for write()
   std::vector<std::byte> bytes;        // likewise
   std::vector<glm::dvec3> world;       // likewise
-  std::vector<float> values;           // likewise
+  std::vector<double> values;          // likewise
   // Of every vertex, the number of its component, or kNoComponent. Filled by a stage before the
   // sink (ComponentFilter, ComponentNumbering); without one of these it has no meaning.
   std::vector<std::uint32_t> components;

@@ -3,10 +3,12 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <deque>
 #include <limits>
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/sinks/gltf_text.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"
@@ -103,23 +105,25 @@ class VtpSink : public NumberedSink {
   VtpSink(const std::string& path, const MeshFileOptions& options, std::uint64_t most_narrow)
       : NumberedSink(path, options),
         most_narrow_(most_narrow),
+        header_bytes_(2048 + extraBytes(192)),
         positions_(path, "points"),
         normals_(path, "normals"),
-        values_(path, "values"),
         corners_(path, "corners"),
         levels_(path, "levels"),
-        cap_marks_(path, "caps") {}
+        cap_marks_(path, "caps") {
+    for (std::size_t a = 0; a < attributes().size(); ++a) values_.emplace_back(path, "values");
+  }
 
   void write(PlacedBatch& placed) override {
     writeVertices(placed);
     writeTriangles(placed);
   }
   void finish() override {
-    file_.continueFrom(kHeaderBytes);
+    file_.continueFrom(header_bytes_);
     Offsets offsets;
     ArrayAppender appender(file_, options_.zlib, options_.cancel);
     const auto append = [&](std::uint64_t& offset, std::uint64_t bytes, const auto& fill) {
-      offset = file_.position() - kHeaderBytes;
+      offset = file_.position() - header_bytes_;
       appender.append(bytes, fill);
     };
     const auto from = [](const SideFile& side) {
@@ -135,7 +139,9 @@ class VtpSink : public NumberedSink {
       file_.continueFrom(file_.position() + position_bytes);
     }
     append(offsets.normals, vertices() * kNormalBytes, from(normals_));
-    if (hasAttribute()) append(offsets.values, vertices() * kValueBytes, from(values_));
+    for (std::size_t a = 0; a < attributes().size(); ++a)
+      append(offsets.values.emplace_back(), vertices() * infoOf(attributes()[a].type).bytes,
+             from(values_[a]));
     appendCells(offsets, append);
     append(offsets.levels, triangles_, from(levels_));
     if (frame_.has_caps) append(offsets.caps, triangles_, from(cap_marks_));
@@ -145,15 +151,13 @@ class VtpSink : public NumberedSink {
   }
 
  private:
-  static constexpr std::size_t kHeaderBytes = 2048;
   static constexpr std::size_t kNormalBytes = 12;
-  static constexpr std::size_t kValueBytes = 4;
   static constexpr std::size_t kCornersBytes = 12;  // of a triangle
 
   // For arrays, in the appended data.
   struct Offsets {
-    std::uint64_t positions = 0, normals = 0, values = 0, corners = 0, ends = 0, levels = 0,
-                  caps = 0;
+    std::uint64_t positions = 0, normals = 0, corners = 0, ends = 0, levels = 0, caps = 0;
+    std::vector<std::uint64_t> values;  // of each attribute
   };
 
   std::size_t positionBytes() const { return double_precision_ ? 24 : 12; }
@@ -176,7 +180,7 @@ class VtpSink : public NumberedSink {
       positions_.pwrite(placed.bytes.data(), placed.bytes.size(), at);
     else
       file_.pwrite(placed.bytes.data(), placed.bytes.size(),
-                   kHeaderBytes + sizeof(std::uint64_t) + at);
+                   header_bytes_ + sizeof(std::uint64_t) + at);
 
     placed.bytes.resize(placed.world.size() * kNormalBytes);
     BytePointer normals(placed.bytes.data());
@@ -185,18 +189,14 @@ class VtpSink : public NumberedSink {
       normals.put(n.x, n.y, n.z);
     });
     normals_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_vertex * kNormalBytes);
-    if (!hasAttribute()) return;
-    placed.bytes.resize(placed.values.size() * kValueBytes);
-    BytePointer values(placed.bytes.data());
-    std::size_t i = 0;
-    forEachNew(placed, [&](std::size_t v) {
-      if (options_.components)
-        values.put(placed.components[v]);
-      else
-        values.put(placed.values[i]);
-      ++i;
-    });
-    values_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_vertex * kValueBytes);
+    for (std::size_t a = 0; a < attributes().size(); ++a) {
+      const std::size_t bytes = infoOf(attributes()[a].type).bytes;
+      placed.bytes.resize(placed.world.size() * bytes);
+      BytePointer values(placed.bytes.data());
+      for (std::size_t i = 0; i < placed.world.size(); ++i)
+        putValue(values, attributes()[a], valueOf(placed, a, i));
+      values_[a].pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_vertex * bytes);
+    }
   }
 
   void writeTriangles(PlacedBatch& placed) {
@@ -242,17 +242,19 @@ class VtpSink : public NumberedSink {
       to.put(static_cast<Index>(3 * (t + 1)));
   }
 
-  // Always kHeaderBytes long, up to the mark that the appended data begin behind.
+  // Always header_bytes_ long, up to the mark that the appended data begin behind.
   std::string makeHeader(const Offsets& offsets) const {
     const std::string real = double_precision_ ? "Float64" : "Float32";
     const std::string index = hasWideIndices() ? "Int64" : "Int32";
-    const auto array = [](const std::string& type, const char* name, int components,
+    const auto array = [](std::string_view type, std::string_view name, int components,
                           std::uint64_t offset) {
-      return "<DataArray type=\"" + type + "\" Name=\"" + name + "\" NumberOfComponents=\"" +
-             std::to_string(components) + "\" format=\"appended\" offset=\"" +
-             std::to_string(offset) + "\"/>\n";
+      return joined("<DataArray type=\"", type, "\" Name=\"", name, "\" NumberOfComponents=\"",
+                    std::to_string(components), "\" format=\"appended\" offset=\"",
+                    std::to_string(offset), "\"/>\n");
     };
-    const std::string name = options_.components ? "component" : "value";
+    std::string values;
+    for (std::size_t a = 0; a < attributes().size(); ++a)
+      values += array(infoOf(attributes()[a].type).vtk, attributes()[a].name, 1, offsets.values[a]);
     std::string head =
         "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are " +
         spaceText(frame_) + ", their unit is " + unitText(frame_) + shiftLine(", shifted by ", "") +
@@ -262,23 +264,23 @@ class VtpSink : public NumberedSink {
         ">\n<PolyData>\n<Piece NumberOfPoints=\"" + std::to_string(vertices()) +
         "\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"" +
         std::to_string(triangles_) + "\">\n<PointData Normals=\"Normals\"" +
-        (hasAttribute() ? " Scalars=\"" + name + "\"" : "") + ">\n" +
-        array("Float32", "Normals", 3, offsets.normals) +
-        (hasAttribute()
-             ? array(options_.components ? "UInt32" : "Float32", name.c_str(), 1, offsets.values)
-             : "") +
-        "</PointData>\n<CellData>\n" + array("UInt8", "level", 1, offsets.levels) +
+        (attributes().empty() ? "" : " Scalars=\"" + attributes().front().name + "\"") + ">\n" +
+        array("Float32", "Normals", 3, offsets.normals) + values + "</PointData>\n<CellData>\n" +
+        array("UInt8", "level", 1, offsets.levels) +
         (frame_.has_caps ? array("UInt8", "cap", 1, offsets.caps) : "") +
-        "</CellData>\n<Points>\n" + array(real, "Points", 3, offsets.positions) +
-        "</Points>\n<Polys>\n" + array(index, "connectivity", 1, offsets.corners) +
+        "</CellData>\n<Points>\n" +
+        array(real, "Points", 3, offsets.positions) + "</Points>\n<Polys>\n" +
+        array(index, "connectivity", 1, offsets.corners) +
         array(index, "offsets", 1, offsets.ends) + "</Polys>\n</Piece>\n</PolyData>\n";
     const std::string tail = "<AppendedData encoding=\"raw\">\n_";
-    head.resize(kHeaderBytes - tail.size() - 1, ' ');
+    head.resize(header_bytes_ - tail.size() - 1, ' ');
     return head + "\n" + tail;
   }
 
   const std::uint64_t most_narrow_;
-  SideFile positions_, normals_, values_, corners_, levels_, cap_marks_;
+  const std::size_t header_bytes_;
+  SideFile positions_, normals_, corners_, levels_, cap_marks_;
+  std::deque<SideFile> values_;  // of each attribute
 };
 
 }  // namespace

@@ -11,6 +11,7 @@ Arrays are [z, y, x]: the last axis is x. Points, focus, spacing and origin are 
 that take points take voxel indices, (x, y, z) too, with ``indices=True``.
 """
 
+from ._attributes import Colors, Distance, Nearest, Thickness
 from ._build import BuildReport, JoinReport, RawLayout, build, join
 from ._core import Cancel
 from ._errors import Cancelled, Error
@@ -28,15 +29,17 @@ from ._pyramid import (
     merge,
     open,
 )
-from ._query import Detail, ExtractReport, LevelCounts, Query, View
+from ._query import Detail, ExtractReport, LevelCounts, MeshQuality, Query, View
 from ._version import __version__
 
 __all__ = [
     "BuildReport",
     "Cancel",
     "Cancelled",
+    "Colors",
     "Damage",
     "Detail",
+    "Distance",
     "Error",
     "ExtractReport",
     "Histogram",
@@ -45,12 +48,15 @@ __all__ = [
     "LevelCounts",
     "MergeReport",
     "Mesh",
+    "MeshQuality",
+    "Nearest",
     "Pyramid",
     "Query",
     "RawLayout",
     "RemoteCounters",
     "Session",
     "Suggestion",
+    "Thickness",
     "View",
     "__version__",
     "build",

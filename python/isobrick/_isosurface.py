@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._arrays import ChunkReader, describe
+from ._attributes import Attribute
 from ._build import _describe_array, _FileInput
 from ._errors import Error
 from ._mesh import Mesh
@@ -37,6 +38,7 @@ def isosurface(
     simplify: float | None = None,
     drop_small: bool = False,
     values: Pyramid | None = None,
+    attributes: Mapping[str, Attribute] | None = None,
     indices: bool = False,
     inside: Inside = "above",
     memory: int | str = DEFAULT_MEMORY,
@@ -81,6 +83,8 @@ def isosurface(
         leaves out pieces within one brick whose box has a diagonal below that distance
     values
         a pyramid: its values at the points become ``Mesh.values``
+    attributes
+        of ``Query``; those of the surface itself, ``Thickness`` and ``Distance`` of an isovalue, take a pyramid
     indices
         box, clip, sphere and simplify are in voxel indices and voxels; otherwise in world units
     inside
@@ -97,7 +101,7 @@ def isosurface(
     isovalue = 0.5 if level is None else float(level)
     query = Query(
         isovalue, box=box, mask=mask, clip=clip, sphere=sphere, cap=cap, simplify=simplify, drop_small=drop_small,
-        values=values, indices=indices, inside=inside,
+        values=values, attributes=attributes or {}, indices=indices, inside=inside,
     )  # fmt: skip
     chosen = _FileInput(
         None, spacing, origin, "", "", None, None, None, None, None if label is None else int(label), float(denoise)

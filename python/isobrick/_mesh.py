@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._query import ExtractReport, Space, make_report, placement_of
+from ._attributes import Colors
+from ._query import ExtractReport, MeshQuality, Space, make_report, placement_of
 
 if TYPE_CHECKING:
     import meshio
@@ -68,7 +69,13 @@ class Mesh:
     @property
     def values(self) -> NDArray[np.float32] | None:
         """(n,): of the other pyramid that the query named as ``values``, NaN outside of it; None without one."""
-        return self._handle.values()
+        return self.attributes.get("value")
+
+    @property
+    def attributes(self) -> dict[str, NDArray[Any]]:
+        """(n,) each, by name: the numbers of the points that the query asked for, ``values`` as "value". Labels are
+        int32 or uint32, others float32; float64 for labels that are not whole. Made when first asked for."""
+        return self._handle.attributes()
 
     @property
     def report(self) -> ExtractReport:
@@ -100,10 +107,16 @@ class Mesh:
         a, b, c = (self.points[self.faces[:, i]].astype(np.float64) - middle for i in range(3))
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
+    def check(self) -> MeshQuality:
+        """Whether the mesh is closed, manifold and oriented, triangles that cross or have no area, angles and
+        more."""
+        return MeshQuality(**self._handle.check())
+
     def save(
         self,
         path: str | os.PathLike[str],
         *,
+        colors: Colors | None = None,
         zlib: bool = False,
         meshopt: bool = False,
         space: Space = "LPS",
@@ -112,12 +125,13 @@ class Mesh:
     ) -> None:
         """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``, points in world units, or where
         ``space``, ``unit`` and ``shift`` say: to the byte what ``extract_to`` writes, but for ``meshopt``, whose chunks
-        are cut elsewhere. ``zlib`` packs ``.vtp``, ``meshopt`` packs ``.glb``. A file of that name is replaced."""
-        self._handle.save(os.fspath(path), zlib, meshopt, placement_of(space, unit, shift))
+        are cut elsewhere. ``colors`` are those of the points, by an attribute. ``zlib`` packs ``.vtp``, ``meshopt``
+        packs ``.glb``. A file of that name is replaced."""
+        self._handle.save(os.fspath(path), colors, zlib, meshopt, placement_of(space, unit, shift))
 
     def to_vtk(self) -> Any:
         """A ``vtkPolyData`` on this memory: points (x, y, z) in world units, with ``Normals``, ``level`` of the
-        cells and, if there are any, ``cap`` of the cells and ``value``. Takes the package vtk."""
+        cells, ``cap`` of the cells if there are any, and the attributes of the points. Takes the package vtk."""
         from ._poly_data import poly_data_of
 
         return poly_data_of(self)
@@ -141,8 +155,7 @@ class Mesh:
         import meshio
 
         point_data: dict[str, Any] = {"Normals": self.normals}
-        if self.values is not None:
-            point_data["value"] = self.values
+        point_data.update(self.attributes)
         return meshio.Mesh(
             self.points, [("triangle", self.faces)], point_data=point_data, cell_data={"level": [self.levels]}
         )

@@ -50,8 +50,9 @@ def _cells_keep_memory() -> bool:
 
 
 def poly_data_of(mesh: Any, copy: bool = False) -> Any:
-    """A ``vtkPolyData``, points (x, y, z) in world units: with ``Normals``, ``level`` of the cells and, if there are
-    any, ``cap`` of the cells and ``value``. On the memory of the mesh, which lives as long as the arrays of this object do; arrays that are
+    """A ``vtkPolyData``, points (x, y, z) in world units: with ``Normals``, ``level`` of the cells, ``cap`` of the
+    cells if there are any, and the attributes of the points. On the memory of the mesh, which lives as long as the
+    arrays of this object do; arrays that are
     made of these by ``vtkDataArray.ShallowCopy`` do not keep it, so that a pipeline gets a ``copy``."""
     result = vtkPolyData()
     points = vtkPoints()
@@ -70,7 +71,8 @@ def poly_data_of(mesh: Any, copy: bool = False) -> Any:
     result.GetCellData().AddArray(vtk_array(mesh.levels, "level", copy))
     if any(counts.cap_triangles > 0 for counts in mesh.report.levels):
         result.GetCellData().AddArray(vtk_array(mesh.caps.view(np.uint8), "cap", copy))
-    values = mesh.values
-    if values is not None:
-        result.GetPointData().SetScalars(vtk_array(values, "value", copy))
+    for name, values in mesh.attributes.items():
+        result.GetPointData().AddArray(vtk_array(values, name, copy))
+        if result.GetPointData().GetScalars() is None:
+            result.GetPointData().SetActiveScalars(name)
     return result

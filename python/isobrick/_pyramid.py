@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._attributes import Colors
 from ._errors import Error
 from ._level import Level
 from ._mesh import Mesh
@@ -339,7 +340,7 @@ class Pyramid:
             0: all cores
         **choice
             of ``Query``: focus, radius, level, view, curvature, or_finer, box, cap, simplify, drop_small, values,
-            indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
+            attributes, indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)
         pyramid = self
@@ -359,6 +360,7 @@ class Pyramid:
         isovalue: Isovalue | Query = "auto",
         *,
         part: tuple[int, int] | None = None,
+        colors: Colors | None = None,
         zlib: bool = False,
         meshopt: bool = False,
         space: Space = "LPS",
@@ -372,8 +374,9 @@ class Pyramid:
     ) -> ExtractReport:
         """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``: for meshes larger
         than memory. The file has the world's coordinates, or those of another ``space`` ('RAS', or 'index': voxel
-        indices), in a ``unit`` of its own ('nm', 'um', 'mm', 'cm', 'm', 'inch', 'ft'), and ``shift`` added last. The other parameters are those of ``extract``: focus, radius and box are (x, y, z) in world units, or
-        voxel indices with ``indices=True``. The file has its name when it is whole; one that exists is replaced with
+        indices), in a ``unit`` of its own ('nm', 'um', 'mm', 'cm', 'm', 'inch', 'ft'), and ``shift`` added
+        last. ``colors`` are those of the points, by an attribute. The other parameters are those of ``extract``: focus,
+        radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``. The file has its name when it is whole; one that exists is replaced with
         ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
         to the mesh of one call."""
         query = query_of(isovalue, choice)
@@ -381,7 +384,7 @@ class Pyramid:
             settings = self._settings(query, threads, tell, cancel, part)
             placement = placement_of(space, unit, shift)
             session = _core.SessionHandle(self._handle)
-            facts = session.extract_to(settings, os.fspath(path), zlib, meshopt, placement, force)
+            facts = session.extract_to(settings, os.fspath(path), colors, zlib, meshopt, placement, force)
             return make_report(facts)
 
     def _isovalue(self, isovalue: Isovalue) -> float:
@@ -455,7 +458,7 @@ class Session:
         ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``. The query has
         no ``values``."""
         query = query_of(isovalue, choice)
-        if query.values is not None:
+        if query.values is not None or query.attributes:
             raise Error("a progressive query has no values; take those of extract()")
         settings = self._pyramid._settings(query, threads, None, cancel)
         while True:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol, TypedDict
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _core
+from ._attributes import Attribute, FieldWish, HasValues, wishes_of
 from ._errors import Error
 
 Triple = tuple[float, float, float]
@@ -76,13 +77,6 @@ class Detail:
             raise Error(f"the focus {self.focus} is not three numbers, (x, y, z)")
 
 
-class HasValues(Protocol):
-    """A ``Pyramid``, as far as a query knows it."""
-
-    @property
-    def _handle(self) -> _core.PyramidHandle: ...
-
-
 class Choice(TypedDict, total=False):
     """The keywords of ``Query``, which the calls that extract take beside their own."""
 
@@ -100,6 +94,7 @@ class Choice(TypedDict, total=False):
     simplify: float | None
     drop_small: bool
     values: HasValues | None
+    attributes: Mapping[str, Attribute]
     indices: bool
     inside: Inside
 
@@ -145,6 +140,9 @@ class Query:
         leaves out pieces within one brick whose box has a diagonal below that distance
     values
         another pyramid: its values at the points become ``Mesh.values``
+    attributes
+        more numbers for the points, by name, for ``Mesh.attributes`` and files: another pyramid, ``Nearest``,
+        ``Thickness`` or ``Distance``
     indices
         focus, radius, box, clip, sphere and simplify are in voxel indices and voxels
     inside
@@ -167,6 +165,7 @@ class Query:
     simplify: float | None = None
     drop_small: bool = False
     values: HasValues | None = None
+    attributes: Mapping[str, Attribute] = field(default_factory=dict, hash=False)
     indices: bool = False
     inside: Inside = "above"
 
@@ -249,7 +248,7 @@ class _QuerySettings:
     cap: bool
     simplify: float | None
     drop_small: bool
-    values: Any
+    attributes: list[FieldWish]
     threads: int
     progress: Any
     cancel: Any
@@ -267,7 +266,7 @@ def settings_of(
         box = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
     return _QuerySettings(
         isovalue, query._detail(), query.indices, query.or_finer, box, _region_of(query), query.cap, query.simplify, query.drop_small,
-        None if query.values is None else query.values._handle, threads, progress, cancel, part,
+        wishes_of(query.values, query.attributes), threads, progress, cancel, part,
         query.inside == "below",
     )  # fmt: skip
 
@@ -306,6 +305,37 @@ class ExtractReport:
     bytes_read: int
     #: For a mesh that was written to a file.
     vertices: int | None = field(default=None)
+
+
+@dataclass(frozen=True)
+class MeshQuality:
+    """What a mesh is like, for a printer or a simulation. Areas and volumes in world units."""
+
+    #: Closed, manifold, oriented, no triangle without area and none that crosses another one of its brick.
+    is_solid: bool
+    vertices: int
+    edges: int
+    triangles: int
+    #: In one triangle.
+    open_edges: int
+    #: Connected pieces of the open edges.
+    boundary_loops: int
+    #: In more than two triangles.
+    nonmanifold_edges: int
+    #: In two triangles, the same way round in both.
+    misoriented_edges: int
+    zero_area_triangles: int
+    crossing_triangles: int
+    #: vertices - edges + triangles
+    euler_number: int
+    area: float
+    #: Enclosed; None if the mesh is open.
+    volume: float | None
+    #: In degrees.
+    least_angle: float
+    #: Longest side times perimeter over 4 sqrt(3) areas: 1 for equal sides.
+    mean_aspect: float
+    worst_aspect: float
 
 
 def make_report(facts: dict[str, Any]) -> ExtractReport:

@@ -4,7 +4,9 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cmath>
 #include <new>
+#include <type_traits>
 #include <unordered_map>
 #include <vector>
 
@@ -106,11 +108,20 @@ std::byte* RoomyBytes::room(std::size_t bytes) {
 }
 
 void MeshData::filled(const MeshFrame& frame, const ExtractionReport& report,
-                      std::shared_ptr<const VertexValues> values) {
+                      std::vector<MeshField> fields) {
   frame_ = frame;
   report_ = report;
-  values_ = std::move(values);
-  has_points_ = has_levels_ = has_caps_ = has_evaluated_ = false;
+  fields_ = std::move(fields);
+  value_bytes_.clear();
+  value_bytes_.resize(fields_.size());
+  has_points_ = has_levels_ = has_caps_ = false;
+}
+
+std::vector<VertexAttribute> attributesOf(const std::vector<MeshField>& fields) {
+  std::vector<VertexAttribute> attributes;
+  for (const MeshField& field : fields)
+    attributes.push_back({field.name, field.values.get(), field.type});
+  return attributes;
 }
 
 const void* MeshData::points() {
@@ -150,37 +161,68 @@ const bool* MeshData::caps() {
   return data;
 }
 
-const float* MeshData::values() {
-  auto* const data = reinterpret_cast<float*>(value_bytes_.room(vertices() * sizeof(float)));
-  if (has_evaluated_) return data;
+const void* MeshData::values(std::size_t number) {
+  const MeshField& field = fields_.at(number);
+  std::unique_ptr<RoomyBytes>& bytes = value_bytes_.at(number);
+  if (bytes != nullptr) return bytes->room(0);
+  auto made = std::make_unique<RoomyBytes>();
+  std::byte* const data = made->room(vertices() * sizeof(double));
   const WorldPlacement placement(frame_.geometry);
+  // Of one type in the array's memory; integers have no NaN.
+  const auto put = [&]<typename Number>(Number, std::uint64_t begin, std::span<const double> from) {
+    auto* const to = reinterpret_cast<Number*>(data) + begin;
+    for (std::size_t i = 0; i < from.size(); ++i)
+      to[i] = std::is_integral_v<Number> && std::isnan(from[i]) ? Number{0}
+                                                                : static_cast<Number>(from[i]);
+  };
   forEachPiece(surface_,
                [&](const SurfaceMesh::Part& part, std::uint64_t begin, std::uint64_t end) {
+                 const auto count = static_cast<std::size_t>(end - begin);
                  std::vector<glm::dvec3> world;
-                 world.reserve(end - begin);
+                 world.reserve(count);
                  for (std::uint64_t v = begin; v < end; ++v)
                    world.push_back(placement.worldPosition(part.origin, surface_.positions()[v]));
-                 values_->evaluate(world, {data + begin, static_cast<std::size_t>(end - begin)});
+                 std::vector<double> values(count);
+                 field.values->evaluate(world, surface_.normals().subspan(begin, count), values);
+                 switch (field.type) {
+                   case AttributeType::kFloat32:
+                     return put(float{}, begin, values);
+                   case AttributeType::kFloat64:
+                     return put(double{}, begin, values);
+                   case AttributeType::kInt32:
+                     return put(std::int32_t{}, begin, values);
+                   case AttributeType::kUint32:
+                     return put(std::uint32_t{}, begin, values);
+                 }
                });
-  has_evaluated_ = true;
+  bytes = std::move(made);
   return data;
 }
 
-void MeshData::save(const std::string& path, MeshFileOptions options) const {
-  options.values = values_.get();
-  const CancelFlag* const cancel = options.cancel;
-  const auto sink = makeMeshFileSink(path, options);
-  sink->begin(frame_);
+void MeshData::passTo(TriangleSink& sink, const CancelFlag* cancel) const {
+  sink.begin(frame_);
   PartBatches batches(surface_);
   PlacedBatch placed;
   for (const SurfaceMesh::Part& part : surface_.parts()) {
     if (cancel != nullptr) cancel->check();
     batches.fill(part, placed.batch);
-    sink->prepare(placed);
-    sink->place(placed);
-    sink->write(placed);
+    sink.prepare(placed);
+    sink.place(placed);
+    sink.write(placed);
   }
-  sink->finish();
+  sink.finish();
+}
+
+void MeshData::save(const std::string& path, MeshFileOptions options) const {
+  options.attributes = attributesOf(fields_);
+  passTo(*makeMeshFileSink(path, options), options.cancel);
+}
+
+MeshQuality MeshData::check(const CancelFlag* cancel) const {
+  CountingSink counting;
+  MeshCheck check(counting);
+  passTo(check, cancel);
+  return check.quality();
 }
 
 }  // namespace isobrick::python

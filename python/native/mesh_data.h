@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 namespace isobrick::python {
 
@@ -29,15 +30,25 @@ class RoomyBytes {
   std::size_t bytes_ = 0;
 };
 
+// An attribute of vertices, with what it holds on to.
+struct MeshField {
+  std::string name;
+  AttributeType type = AttributeType::kFloat32;
+  std::shared_ptr<const VertexValues> values;
+};
+
+// As mesh files take them.
+std::vector<VertexAttribute> attributesOf(const std::vector<MeshField>& fields);
+
 // An extracted mesh, and what is made of it when it is first asked for. One thread at a time makes
 // it; afterwards any number may read.
 class MeshData {
  public:
   // For extractions to fill, before anything else is asked for.
   SurfaceMesh& surface() { return surface_; }
-  // To be called after every extraction. `values` may be null; a mesh that has one holds on to it.
+  // To be called after every extraction. A mesh holds on to its fields.
   void filled(const MeshFrame& frame, const ExtractionReport& report,
-              std::shared_ptr<const VertexValues> values);
+              std::vector<MeshField> fields);
 
   const ExtractionReport& report() const { return report_; }
   const SurfaceMesh& surface() const { return surface_; }
@@ -55,20 +66,25 @@ class MeshData {
   const std::uint8_t* levels();
   // Whether each triangle is a cap (Query::cap).
   const bool* caps();
-  bool hasValues() const { return values_ != nullptr; }
-  // The values of the field that the mesh was extracted with, one a vertex.
-  const float* values();
+  const std::vector<MeshField>& fields() const { return fields_; }
+  // The numbers of a field that the mesh was extracted with, one a vertex, of its type.
+  const void* values(std::size_t field);
 
-  // Writes the file that an extraction straight into it writes, to the byte. Values are its own.
+  // Writes the file that an extraction straight into it writes, to the byte. Attributes are its own.
   void save(const std::string& path, MeshFileOptions options) const;
+  MeshQuality check(const CancelFlag* cancel) const;
 
  private:
   SurfaceMesh surface_;
   MeshFrame frame_;
   ExtractionReport report_;
-  std::shared_ptr<const VertexValues> values_;
-  RoomyBytes point_bytes_, level_bytes_, cap_bytes_, value_bytes_;
-  bool has_points_ = false, has_levels_ = false, has_caps_ = false, has_evaluated_ = false;
+  // All batches into a sink.
+  void passTo(TriangleSink& sink, const CancelFlag* cancel) const;
+
+  std::vector<MeshField> fields_;
+  std::vector<std::unique_ptr<RoomyBytes>> value_bytes_;  // of each field; null: not asked for yet
+  RoomyBytes point_bytes_, level_bytes_, cap_bytes_;
+  bool has_points_ = false, has_levels_ = false, has_caps_ = false;
 };
 
 }  // namespace isobrick::python

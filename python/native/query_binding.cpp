@@ -206,19 +206,109 @@ CallOptions readCall(const nb::object& from) {
           nb::cast<const CancelRequest*>(from.attr("cancel"))};
 }
 
-std::shared_ptr<const VertexValues> readValues(const nb::object& from) {
-  const nb::object values = from.attr("values");
-  if (values.is_none()) return nullptr;
-  // The field and the pyramid that it holds on to, in one.
-  struct HeldValues : VertexValues {
-    explicit HeldValues(std::shared_ptr<const Pyramid> of) : pyramid(std::move(of)) {}
-    void evaluate(std::span<const glm::dvec3> world, std::span<float> out) const override {
-      field.evaluate(world, out);
-    }
-    std::shared_ptr<const Pyramid> pyramid;
-    PyramidValues field{*pyramid};
-  };
-  return std::make_shared<HeldValues>(nb::cast<const PyramidHandle&>(values).pyramid());
+// An attribute of Python (isobrick/_attributes.py), before what it needs is at hand.
+struct FieldWish {
+  std::string name, kind;
+  std::shared_ptr<const Pyramid> pyramid;  // of "value" and "nearest"
+  std::optional<double> number;            // the greatest thickness, or an isovalue
+  std::string path;                        // of a mesh
+
+  bool isOfSurface() const { return kind == "thickness" || (kind == "distance" && path.empty()); }
+};
+
+std::vector<FieldWish> readFields(const nb::object& from) {
+  std::vector<FieldWish> wishes;
+  for (const nb::handle one : from.attr("attributes")) {
+    FieldWish wish;
+    wish.name = nb::cast<std::string>(one.attr("name"));
+    wish.kind = nb::cast<std::string>(one.attr("kind"));
+    wish.number = optionalOf<double>(nb::borrow(one), "number");
+    wish.path = nb::cast<std::string>(one.attr("path"));
+    if (!one.attr("handle").is_none())
+      wish.pyramid = nb::cast<const PyramidHandle&>(one.attr("handle")).pyramid();
+    wishes.push_back(std::move(wish));
+  }
+  return wishes;
+}
+
+// The colours of vertices, a `Colors` of Python, by the fields of the mesh.
+std::optional<VertexColors> readColors(const nb::object& from,
+                                       const std::vector<MeshField>& fields) {
+  if (from.is_none()) return std::nullopt;
+  const auto name = nb::cast<std::string>(from.attr("attribute"));
+  const auto found = std::ranges::find(fields, name, &MeshField::name);
+  if (found == fields.end())
+    throw Error("there is no attribute '" + name + "' for the colours; give it with the query");
+  VertexColors colors;
+  colors.attribute = static_cast<std::size_t>(found - fields.begin());
+  if (const auto map = optionalOf<std::string>(from, "map")) {
+    const auto named = std::ranges::find(kColorMapNames, *map);
+    if (named == kColorMapNames.end()) throw Error("there is no map of colours '" + *map + "'");
+    colors.map = static_cast<ColorMap>(named - kColorMapNames.begin());
+    colors.low = nb::cast<double>(from.attr("low"));
+    colors.high = nb::cast<double>(from.attr("high"));
+  }
+  return colors;
+}
+
+// The values of a pyramid, and the pyramid that they hold on to, in one.
+struct HeldValues : VertexValues {
+  HeldValues(std::shared_ptr<const Pyramid> of, Sampling sampling)
+      : pyramid(std::move(of)), field(*pyramid, sampling) {}
+  void evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3> normals,
+                std::span<double> out) const override {
+    field.evaluate(world, normals, out);
+  }
+  std::shared_ptr<const Pyramid> pyramid;
+  PyramidValues field;
+};
+struct HeldThickness : VertexValues {
+  HeldThickness(std::shared_ptr<const Pyramid> of, double isovalue, double most)
+      : pyramid(std::move(of)), field(*pyramid, isovalue, most) {}
+  void evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3> normals,
+                std::span<double> out) const override {
+    field.evaluate(world, normals, out);
+  }
+  std::shared_ptr<const Pyramid> pyramid;
+  WallThickness field;
+};
+
+// `pyramid` and `extractor`: of the surface; null if there is none.
+MeshField fieldOf(const FieldWish& wish, double isovalue,
+                  const std::shared_ptr<const Pyramid>& pyramid, Extractor* extractor,
+                  const CancelFlag& cancel) {
+  if (wish.isOfSurface() && extractor == nullptr)
+    throw Error("the attribute '" + wish.name +
+                "' needs a pyramid of the volume; build one, and extract from it");
+  MeshField field{wish.name, AttributeType::kFloat32, nullptr};
+  if (wish.kind == "value") {
+    field.values = std::make_shared<HeldValues>(wish.pyramid, Sampling::kTrilinear);
+  } else if (wish.kind == "nearest") {
+    field.values = std::make_shared<HeldValues>(wish.pyramid, Sampling::kNearest);
+    field.type = labelTypeOf(*wish.pyramid);
+  } else if (wish.kind == "thickness") {
+    field.values = std::make_shared<HeldThickness>(
+        pyramid, isovalue, wish.number.value_or(std::numeric_limits<double>::infinity()));
+  } else if (!wish.path.empty()) {
+    field.values = std::make_shared<MeshDistance>(readMeshFile(wish.path));
+  } else {
+    Query other;
+    other.isovalue = wish.number.value();
+    other.cancel = &cancel;
+    IndexedMeshSink sink;
+    extractor->extract(other, sink);
+    field.values = std::make_shared<MeshDistance>(sink.takeMesh());
+  }
+  return field;
+}
+
+std::vector<MeshField> fieldsOf(const std::vector<FieldWish>& wishes, double isovalue,
+                                const std::shared_ptr<const Pyramid>& pyramid, Extractor* extractor,
+                                const CancelFlag& cancel) {
+  std::vector<MeshField> fields;
+  for (const FieldWish& wish : wishes)
+    fields.push_back(fieldOf(wish, isovalue, pyramid, extractor, cancel));
+  return fields;
 }
 
 // A share of a mesh; numpy arrays have one too.
@@ -292,14 +382,66 @@ nb::object reportOf(const ExtractionReport& report) {
   return result;
 }
 
-void saveMesh(const MeshHandle& mesh, const std::string& path, bool zlib, bool meshopt,
-              const PlacementTuple& placement) {
+void saveMesh(const MeshHandle& mesh, const std::string& path, const nb::object& colors, bool zlib,
+              bool meshopt, const PlacementTuple& placement) {
+  const auto read = readColors(colors, mesh.data->fields());
   runInterruptibly({}, [&](CallState& state) {
     mesh.data->save(path, {.cancel = &state.cancel(),
+                           .colors = read,
                            .placement = readPlacement(placement),
                            .zlib = zlib,
                            .meshopt = meshopt});
   });
+}
+
+nb::object checkMesh(const MeshHandle& mesh) {
+  MeshQuality quality;
+  runInterruptibly({}, [&](CallState& state) { quality = mesh.data->check(&state.cancel()); });
+  nb::dict result;
+  result["is_solid"] = quality.isSolid();
+  result["vertices"] = quality.vertices;
+  result["edges"] = quality.edges;
+  result["triangles"] = quality.triangles;
+  result["open_edges"] = quality.open_edges;
+  result["boundary_loops"] = quality.boundary_loops;
+  result["nonmanifold_edges"] = quality.nonmanifold_edges;
+  result["misoriented_edges"] = quality.misoriented_edges;
+  result["zero_area_triangles"] = quality.zero_area;
+  result["crossing_triangles"] = quality.crossing;
+  result["euler_number"] = quality.euler;
+  result["area"] = quality.area;
+  result["volume"] = quality.isClosed() ? nb::cast(quality.volume) : nb::none();
+  result["least_angle"] = quality.least_angle;
+  result["mean_aspect"] = quality.mean_aspect;
+  result["worst_aspect"] = quality.worst_aspect;
+  return result;
+}
+
+// By their names.
+nb::object meshAttributes(const MeshHandle& mesh) {
+  nb::dict result;
+  for (std::size_t i = 0; i < mesh.data->fields().size(); ++i) {
+    const void* const values = mesh.made([i](MeshData& data) { return data.values(i); });
+    const MeshField& field = mesh.data->fields()[i];
+    const auto row = [&]<typename Number>(Number) {
+      return mesh.row(static_cast<const Number*>(values), mesh.data->vertices());
+    };
+    switch (field.type) {
+      case AttributeType::kFloat32:
+        result[field.name.c_str()] = row(float{});
+        break;
+      case AttributeType::kFloat64:
+        result[field.name.c_str()] = row(double{});
+        break;
+      case AttributeType::kInt32:
+        result[field.name.c_str()] = row(std::int32_t{});
+        break;
+      case AttributeType::kUint32:
+        result[field.name.c_str()] = row(std::uint32_t{});
+        break;
+    }
+  }
+  return result;
 }
 
 // Queries one after the other on a pyramid, into memory that no array holds any more.
@@ -315,21 +457,24 @@ class Session {
     Query query = readQuery(settings, geometry(), pyramid_->spec().voxels);
     query.is_progressive = is_progressive;
     const CallOptions call = readCall(settings);
-    const std::shared_ptr<const VertexValues> values = readValues(settings);
+    const std::vector<FieldWish> wishes = readFields(settings);
     std::shared_ptr<MeshData> mesh;
     runInterruptibly(call, [&](CallState& state) {
       const std::lock_guard lock(mutex());
       query.cancel = &state.cancel();
       query.fraction_done = &state.fraction();
+      std::vector<MeshField> fields =
+          fieldsOf(wishes, query.isovalue, pyramid_, &extractor(), state.cancel());
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), report, values);
+      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), report, std::move(fields));
     });
     return {std::move(mesh)};
   }
 
-  nb::object extractTo(const nb::object& settings, const std::string& path, bool zlib, bool meshopt,
+  nb::object extractTo(const nb::object& settings, const std::string& path,
+                       const nb::object& colors, bool zlib, bool meshopt,
                        const PlacementTuple& placement, bool force) {
     refuseReplacing(path, force);
     std::error_code ignored;
@@ -338,24 +483,31 @@ class Session {
     Query query = readQuery(settings, geometry(), pyramid_->spec().voxels);
     const auto part = readPart(settings);
     const bool is_share = std::filesystem::path(path).extension() == kMeshShareEnding;
-    const std::shared_ptr<const VertexValues> values = readValues(settings);
+    const std::vector<FieldWish> wishes = readFields(settings);
     const MeshPlacement placed = readPlacement(placement);
-    if (is_share && (!part || values != nullptr || zlib || meshopt || placed != MeshPlacement()))
+    if (is_share && (!part || !wishes.empty() || zlib || meshopt || placed != MeshPlacement()))
       throw Error("'" + path +
                       "' is a share; give part=(i, n) with it, and neither values, packing, space, "
                       "unit nor shift",
                   {.path = path});
+    std::vector<MeshField> named;
+    for (const FieldWish& wish : wishes)
+      named.push_back({wish.name, AttributeType::kFloat32, nullptr});
+    const std::optional<VertexColors> read_colors = readColors(colors, named);
     ExtractionReport report;
     std::uint64_t vertices = 0;
     runInterruptibly(readCall(settings), [&](CallState& state) {
       const std::lock_guard lock(mutex());
       query.cancel = &state.cancel();
       query.fraction_done = &state.fraction();
+      const std::vector<MeshField> fields =
+          fieldsOf(wishes, query.isovalue, pyramid_, &extractor(), state.cancel());
       const ExtractionPlan plan = extractor().plan(query);
       const ShareNumber share = part.value_or(ShareNumber());
       const auto sink = is_share ? makeMeshShareSink(path, *pyramid_, plan, share, &state.cancel())
                                  : makeMeshFileSink(path, {.cancel = &state.cancel(),
-                                                           .values = values.get(),
+                                                           .attributes = attributesOf(fields),
+                                                           .colors = read_colors,
                                                            .placement = placed,
                                                            .zlib = zlib,
                                                            .meshopt = meshopt});
@@ -468,13 +620,15 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
   static auto* const idle = new IdleMesh;
   Query query = readQuery(settings, info.geometry, info.voxels);
   const CallOptions call = readCall(settings);
-  const std::shared_ptr<const VertexValues> values = readValues(settings);
+  const std::vector<FieldWish> wishes = readFields(settings);
   const std::shared_ptr<MeshData> mesh = idle->take();
   runInterruptibly(call, [&](CallState& state) {
     query.cancel = &state.cancel();
     query.fraction_done = &state.fraction();
+    std::vector<MeshField> fields =
+        fieldsOf(wishes, query.isovalue, nullptr, nullptr, state.cancel());
     const ExtractionReport report = extract(query, mesh->surface(), state);
-    mesh->filled(frameOf(info.geometry, info.voxels, query), report, values);
+    mesh->filled(frameOf(info.geometry, info.voxels, query), report, std::move(fields));
   });
   idle->forgetIfLarge(*mesh);
   return nb::cast(MeshHandle{mesh});
@@ -512,13 +666,9 @@ void bindQueries(nb::module_& module) {
             return m.row(m.made([](MeshData& d) { return d.caps(); }), m.data->triangles());
           },
           nb::sig("def caps(self) -> numpy.typing.NDArray[numpy.bool_]"))
-      .def(
-          "values",
-          [](const MeshHandle& m) -> nb::object {
-            if (!m.data->hasValues()) return nb::none();
-            return m.row(m.made([](MeshData& d) { return d.values(); }), m.data->vertices());
-          },
-          nb::sig("def values(self) -> numpy.typing.NDArray[numpy.float32] | None"))
+      .def("attributes", &meshAttributes,
+           nb::sig("def attributes(self) -> dict[str, numpy.typing.NDArray[typing.Any]]"))
+      .def("check", &checkMesh, nb::sig("def check(self) -> dict[str, typing.Any]"))
       .def(
           "report", [](const MeshHandle& m) { return reportOf(m.data->report()); },
           nb::sig("def report(self) -> dict[str, typing.Any]"))
@@ -526,8 +676,8 @@ void bindQueries(nb::module_& module) {
            [](const MeshHandle& m) {
              return std::string(lengthUnitName(m.data->frame().geometry.unit));
            })
-      .def("save", &saveMesh, nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"),
-           nb::arg("placement"));
+      .def("save", &saveMesh, nb::arg("path"), nb::arg("colors").none(), nb::arg("zlib"),
+           nb::arg("meshopt"), nb::arg("placement"));
   module.def("merge_shares", &mergeShares, nb::arg("paths"), nb::arg("out"), nb::arg("zlib"),
              nb::arg("meshopt"), nb::arg("placement"), nb::arg("force"), nb::arg("threads"),
              nb::arg("cancel").none(),
@@ -538,11 +688,11 @@ void bindQueries(nb::module_& module) {
       .def(nb::init<const PyramidHandle&>(), nb::arg("pyramid"))
       .def("extract", &Session::extract, nb::arg("settings"), nb::arg("is_progressive"))
       .def("extract_to", &Session::extractTo,
-           nb::sig("def extract_to(self, settings: object, path: str, zlib: bool, meshopt: bool, "
-                   "placement: tuple[str, str, tuple[float, float, float]], force: bool) -> "
-                   "dict[str, typing.Any]"),
-           nb::arg("settings"), nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"),
-           nb::arg("placement"), nb::arg("force"))
+           nb::sig("def extract_to(self, settings: object, path: str, colors: object, zlib: bool, "
+                   "meshopt: bool, placement: tuple[str, str, tuple[float, float, float]], "
+                   "force: bool) -> dict[str, typing.Any]"),
+           nb::arg("settings"), nb::arg("path"), nb::arg("colors").none(), nb::arg("zlib"),
+           nb::arg("meshopt"), nb::arg("placement"), nb::arg("force"))
       .def("wait_for_bricks", &Session::waitForBricks, nb::arg("seconds"))
       .def("meshes", &Session::meshes)
       .def("abandon", &Session::abandon);

@@ -195,7 +195,8 @@ TEST_F(MeshFormatsTest, VtpTurnsToWideIndicesWhereNarrowOnesEnd) {
 
 TEST_F(MeshFormatsTest, WhatFailsLeavesNothing) {
   struct FailingValues : VertexValues {
-    void evaluate(std::span<const glm::dvec3>, std::span<float>) const override {
+    void evaluate(std::span<const glm::dvec3>, std::span<const glm::vec3>,
+                  std::span<double>) const override {
       throw Error("no values today");
     }
   };
@@ -208,7 +209,7 @@ TEST_F(MeshFormatsTest, WhatFailsLeavesNothing) {
       const auto sink = makeMeshFileSink(folder_.file(name));
       sink->begin({});
     }
-    MeshFileOptions options{.values = &failing};
+    MeshFileOptions options{.attributes = {{.values = &failing}}};
     const std::string end = std::filesystem::path(name).extension();
     if (end == ".stl" || end == ".obj" || end == ".3mf") {
       EXPECT_THROW(makeMeshFileSink(folder_.file(name), options), Error);
@@ -269,8 +270,8 @@ TEST_F(MeshFormatsTest, ValuesAreInterpolatedWhereThePyramidIs) {
     }
     expected.push_back(sum);
   }
-  std::vector<float> found(world.size());
-  values.evaluate(world, found);
+  std::vector<double> found(world.size());
+  values.evaluate(world, {}, found);
   std::uint64_t outside = 0;
   for (std::size_t i = 0; i < world.size(); ++i) {
     ASSERT_EQ(std::isnan(found[i]), std::isnan(expected[i])) << i;
@@ -291,8 +292,8 @@ TEST_F(MeshFormatsTest, PlacesThatAreNowhereHaveNoValue) {
   const double infinity = std::numeric_limits<double>::infinity();
   const glm::dvec3 world[] = {{std::nan(""), 1, 1}, {1, infinity, 1}, {1, 1, -infinity},
                               {1e300, 1, 1},        {1, -1e300, 1},   {1, 1, 1}};
-  float found[6];
-  values.evaluate(world, found);
+  double found[6];
+  values.evaluate(world, {}, found);
   for (int i = 0; i < 5; ++i) EXPECT_TRUE(std::isnan(found[i])) << i;
   EXPECT_EQ(found[5], 1);
 }

@@ -186,13 +186,14 @@ TEST(SurfaceComponents, AFileOfNumbersWantsThemFromAStageBeforeIt) {
                                    [](const glm::dvec3& p) { return 6 - glm::length(p - 10.0); }));
   Query query;
   query.isovalue = 0;
+  const MeshFileOptions numbered{
+      .attributes = {{.name = "component", .type = AttributeType::kUint32}}};
   for (const char* name : {"a.ply", "a.vtp", "a.glb"}) {
-    EXPECT_THROW(extractIsosurface(pyramid, query,
-                                   *makeMeshFileSink(folder.file(name), {.components = true})),
+    EXPECT_THROW(extractIsosurface(pyramid, query, *makeMeshFileSink(folder.file(name), numbered)),
                  Error)
         << name;
     const SurfaceComponents components = componentsOf(pyramid, query);
-    const auto file = makeMeshFileSink(folder.file(name), {.components = true});
+    const auto file = makeMeshFileSink(folder.file(name), numbered);
     ComponentFilter filter(components, 1, *file);
     extractIsosurface(pyramid, query, filter);
     EXPECT_GT(file->vertices(), 100u);

@@ -257,7 +257,9 @@ class Harness {
       const std::string path = folder_.file(kMeshNames[next_name_ % std::size(kMeshNames)]);
       if (which > 1) {
         const bool has_values = next_name_++ % std::size(kMeshNames) >= kFirstWithValues;
-        file = makeMeshFileSink(path, {.values = has_values ? &values : nullptr});
+        MeshFileOptions options;
+        if (has_values) options.attributes.push_back({.values = &values});
+        file = makeMeshFileSink(path, options);
       }
       TriangleSink& sink = which == 0   ? static_cast<TriangleSink&>(counting)
                            : which == 1 ? static_cast<TriangleSink&>(indexed)

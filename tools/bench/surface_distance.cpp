@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
@@ -13,114 +12,14 @@
 #include <fstream>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
-#include <limits>
-#include <numeric>
-#include <span>
 #include <utility>
 
-#include "isobrick/extract/sinks/nearest_parts.h"
+#include "isobrick/extract/triangle_tree.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-glm::vec3 cornerOf(const PlainMesh& mesh, std::uint32_t vertex) {
-  const auto& [x, y, z] = mesh.positions[vertex];
-  return {x, y, z};
-}
-
-// Boxes around halves of the triangles, halves of these, and so on. Refers to the mesh.
-class TriangleTree {
- public:
-  explicit TriangleTree(const PlainMesh& mesh) : mesh_(mesh), order_(mesh.triangles.size()) {
-    std::iota(order_.begin(), order_.end(), 0u);
-    std::size_t leaves = 1;
-    while (leaves * kLeafTriangles < order_.size()) leaves *= 2;
-    boxes_.resize(2 * leaves);
-    if (!order_.empty()) build(1, order_);
-  }
-
-  // Infinite without triangles. `hint` is a triangle, and becomes the nearest one: near points have
-  // near results.
-  double distance(const glm::dvec3& point, std::uint32_t& hint) const {
-    if (order_.empty()) return kInfinity;
-    double nearest = squaredTo(point, hint);
-    search(1, order_, point, nearest, hint);
-    return std::sqrt(nearest);
-  }
-
- private:
-  static constexpr std::size_t kLeafTriangles = 4;
-  static constexpr std::size_t kParallelTriangles = 4096;
-  struct Box {
-    glm::vec3 lower{std::numeric_limits<float>::infinity()};
-    glm::vec3 upper{-std::numeric_limits<float>::infinity()};
-  };
-
-  // The children of a node are 2n and 2n + 1.
-  void build(std::size_t node, std::span<std::uint32_t> triangles) {
-    Box& box = boxes_[node];
-    for (const std::uint32_t triangle : triangles)
-      for (const std::uint32_t vertex : mesh_.triangles[triangle]) {
-        box.lower = glm::min(box.lower, cornerOf(mesh_, vertex));
-        box.upper = glm::max(box.upper, cornerOf(mesh_, vertex));
-      }
-    if (triangles.size() <= kLeafTriangles) return;
-    const glm::vec3 size = box.upper - box.lower;
-    const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
-    const std::size_t half = triangles.size() / 2;
-    const auto place = [&](std::uint32_t triangle) {
-      const auto& [a, b, c] = mesh_.triangles[triangle];
-      return cornerOf(mesh_, a)[axis] + cornerOf(mesh_, b)[axis] + cornerOf(mesh_, c)[axis];
-    };
-    std::nth_element(triangles.begin(), triangles.begin() + static_cast<std::ptrdiff_t>(half),
-                     triangles.end(), [&](auto a, auto b) { return place(a) < place(b); });
-    const auto first = [&] { build(2 * node, triangles.first(half)); };
-    const auto second = [&] { build(2 * node + 1, triangles.subspan(half)); };
-    if (triangles.size() > kParallelTriangles) {
-      tbb::parallel_invoke(first, second);
-    } else {
-      first();
-      second();
-    }
-  }
-
-  double squaredTo(const glm::dvec3& point, std::uint32_t triangle) const {
-    const auto& [a, b, c] = mesh_.triangles[triangle];
-    return squaredDistance(point, cornerOf(mesh_, a), cornerOf(mesh_, b), cornerOf(mesh_, c));
-  }
-  double squaredToBox(const glm::dvec3& point, std::size_t node) const {
-    const Box& box = boxes_[node];
-    const glm::dvec3 outside = glm::max(
-        glm::max(glm::dvec3(box.lower) - point, point - glm::dvec3(box.upper)), glm::dvec3(0));
-    return glm::dot(outside, outside);
-  }
-
-  void search(std::size_t node, std::span<const std::uint32_t> triangles, const glm::dvec3& point,
-              double& nearest, std::uint32_t& hint) const {
-    if (triangles.size() <= kLeafTriangles) {
-      for (const std::uint32_t triangle : triangles)
-        if (const double squared = squaredTo(point, triangle); squared < nearest) {
-          nearest = squared;
-          hint = triangle;
-        }
-      return;
-    }
-    const std::size_t half = triangles.size() / 2;
-    const double first = squaredToBox(point, 2 * node), second = squaredToBox(point, 2 * node + 1);
-    for (const bool is_first : {first <= second, first > second})
-      if ((is_first ? first : second) < nearest)
-        search(is_first ? 2 * node : 2 * node + 1,
-               is_first ? triangles.first(half) : triangles.subspan(half), point, nearest, hint);
-  }
-
-  const PlainMesh& mesh_;
-  std::vector<std::uint32_t> order_;
-  std::vector<Box> boxes_;
-};
 
 struct SurfacePoint {
   glm::vec3 position;
@@ -133,11 +32,11 @@ struct SurfacePoint {
 template <typename Take>
 void forEachPoint(const PlainMesh& mesh, Take take) {
   for (std::uint32_t v = 0; v < mesh.positions.size(); ++v)
-    take(glm::dvec3(cornerOf(mesh, v)), 0.0);
+    take(glm::dvec3(mesh.positions[v]), 0.0);
   for (const auto& [first, second, third] : mesh.triangles) {
-    const glm::dvec3 a = cornerOf(mesh, first);
-    glm::dvec3 u = glm::dvec3(cornerOf(mesh, second)) - a;
-    glm::dvec3 v = glm::dvec3(cornerOf(mesh, third)) - a;
+    const glm::dvec3 a = mesh.positions[first];
+    glm::dvec3 u = glm::dvec3(mesh.positions[second]) - a;
+    glm::dvec3 v = glm::dvec3(mesh.positions[third]) - a;
     const double longest = std::max({glm::length(u), glm::length(v), glm::length(u - v)});
     const double cuts = std::clamp(std::ceil(longest), 1.0, 4096.0);
     u /= cuts;
@@ -217,11 +116,11 @@ PlainMesh readPlainMesh(const std::string& path) {
 OneWayDistance distanceFrom(const PlainMesh& from, const PlainMesh& to,
                             const DistanceOptions& options) {
   std::vector<SurfacePoint> points = chosenPoints(from, options);
-  const TriangleTree tree(to);
+  const TriangleTree tree(to.positions, to.triangles);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 1024), [&](const auto& part) {
     std::uint32_t hint = 0;
     for (std::size_t i = part.begin(); i < part.end(); ++i)
-      points[i].distance = tree.distance(glm::dvec3(points[i].position), hint);
+      points[i].distance = std::sqrt(tree.squaredDistance(glm::dvec3(points[i].position), hint));
   });
   tbb::parallel_sort(points.begin(), points.end(),
                      [](const auto& a, const auto& b) { return a.distance < b.distance; });

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,7 @@
 namespace isobrick {
 
 struct PlainMesh {
-  std::vector<std::array<float, 3>> positions;          // in voxel indices
+  std::vector<glm::vec3> positions;                     // in voxel indices
   std::vector<std::array<std::uint32_t, 3>> triangles;  // numbers of positions
 };
 

@@ -96,22 +96,22 @@ std::vector<ExtractionReport> streamSurfaces(
 }
 
 ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
-                           const PyramidValues* values, const std::vector<SurfaceShift>* shifts,
+                           AttributeFields& fields, const std::vector<SurfaceShift>* shifts,
                            double open_seconds) {
   ExtractResults results;
-  results.attribute = arguments.attribute.path;
-  results.numbers_components = arguments.number_components;
+  results.attributes = attributeFacts(arguments);
   results.threads = arguments.query.threads;
   results.unit = stream.info().geometry.unit;
   results.open_seconds = open_seconds;
   const std::vector<std::string> names = meshNames(arguments);
   ProgressBar bar(0, "million triangles");
-  const auto together = collectionOf(arguments, stream.pyramid(), values);
+  const auto together = collectionOf(arguments, stream.pyramid(), fields);
   std::vector<std::unique_ptr<ExtractedSurface>> surfaces;
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
-    surfaces.push_back(
-        std::make_unique<ExtractedSurface>(arguments, stream.pyramid(), values, names[i], bar));
+    surfaces.push_back(std::make_unique<ExtractedSurface>(
+        arguments, stream.pyramid(), fields.of(arguments.query.isovalue, stream.pyramid(), nullptr),
+        names[i], bar));
     if (together) surfaces.back()->writeTo(together->add(objectOf(arguments, i)));
   }
   if (surfaces.front()->wantsComponents()) {
@@ -159,25 +159,21 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const std::vector<std::string> files = source->files();
   for (const std::string& name : meshNames(arguments))
     if (!name.empty()) refuseReplacing({name}, files, arguments.force);
-  std::shared_ptr<const Pyramid> other;
-  std::optional<PyramidValues> values;
-  if (!arguments.attribute.path.empty()) {
-    other = openPyramidFile(arguments.attribute.pyramid,
-                            memory_bytes / 2 / (1 + arguments.query.region.masks.size()),
-                            fileAccess(arguments.query.no_map), {});
-    values.emplace(*other);
-  }
+  const std::uint64_t others =
+      pyramidsOf(arguments.attributes) + arguments.query.region.masks.size();
+  const std::uint64_t memory_of_each = memory_bytes / 2 / std::max<std::uint64_t>(others, 1);
+  AttributeFields fields(arguments.attributes, arguments.coloring,
+                         pyramidsOf(arguments.attributes) * memory_of_each,
+                         arguments.query.no_map, {});
   return runWithThreads(arguments.query.threads, [&]() -> std::optional<ExtractResults> {
     BrickStreamOptions options;
     options.open = [&] { return source != nullptr ? std::move(source) : open(); };
-    const std::size_t others = arguments.query.region.masks.size() + (other != nullptr ? 1 : 0);
-    if (others > 0) openMasks(arguments.query, memory_bytes / 2 / others);
+    openMasks(arguments.query, memory_of_each);
     options.memory_bytes = memory_bytes / (others > 0 ? 4 : 2);
     options.cancel = &interruptFlag();
     BrickStream stream(std::move(options));
     if (!stream.fits()) return std::nullopt;
-    return extractFrom(stream, arguments, values ? &*values : nullptr, shifts.get(),
-                       watch.seconds());
+    return extractFrom(stream, arguments, fields, shifts.get(), watch.seconds());
   });
 }
 

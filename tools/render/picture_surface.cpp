@@ -7,9 +7,9 @@
 #include <mutex>
 #include <utility>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/surface_components.h"
-#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "tools/interrupt.h"
 #include "tools/measured_sink.h"

@@ -5,7 +5,7 @@
 #include <tuple>
 #include <utility>
 
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 
 namespace isobrick {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/picture_notes.h"
 #include "isobrick/viewer/placed_camera.h"

@@ -11,7 +11,7 @@
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
 
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 #include "isobrick/viewer/render/gl_handle.h"
 
 namespace isobrick {

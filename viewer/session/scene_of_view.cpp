@@ -7,7 +7,7 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/state/measurement.h"
 

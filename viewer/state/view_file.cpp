@@ -75,9 +75,7 @@ constexpr std::array<std::string_view, 2> namesOf(InsideOf) { return {"above", "
 constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other", "plane_distance", "component"};
 }
-constexpr std::array<std::string_view, 5> namesOf(ColorMap) {
-  return {"viridis", "cividis", "inferno", "cool_warm", "grey"};
-}
+constexpr std::array<std::string_view, 5> namesOf(ColorMap) { return kColorMapNames; }
 constexpr std::array<std::string_view, 2> namesOf(ViewLighting) {
   return {"three_lights", "headlight"};
 }

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/grid.h"
 #include "isobrick/storage/value_transform.h"
-#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_camera.h"
 

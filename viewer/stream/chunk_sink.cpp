@@ -40,7 +40,7 @@ void ChunkSink::write(PlacedBatch& placed) {
     placed.values.resize(batch.positions.size());
     values_.of->evaluate(placed, placed.values);
     for (std::size_t v = 0; v < placed.values.size(); ++v)
-      chunk.vertices[v].value = packValue(placed.values[v]);
+      chunk.vertices[v].value = packValue(static_cast<float>(placed.values[v]));
   }
   // Caps come first, so that the transition cells' triangles are the last ones.
   const auto caps = batch.triangles.end() - static_cast<std::ptrdiff_t>(batch.cap_indices);
@@ -114,7 +114,7 @@ class GradientValues : public ChunkValues {
 
   std::array<double, 2> range() const override { return {0.0, greatest_}; }
 
-  void evaluate(PlacedBatch& placed, std::span<float> shares) const override {
+  void evaluate(PlacedBatch& placed, std::span<double> shares) const override {
     const MeshBatch& batch = placed.batch;
     if (batch.positions.empty()) return;
     const Index3 brick = brickOf(batch);
@@ -126,7 +126,7 @@ class GradientValues : public ChunkValues {
         const glm::dvec3 index = glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
         const double steepness =
             pyramid_.spec().values.scale * glm::length(to_world_ * field.gradient(index));
-        shares[v] = static_cast<float>(greatest_ > 0.0 ? steepness / greatest_ : 0.0);
+        shares[v] = greatest_ > 0.0 ? steepness / greatest_ : 0.0;
       }
     });
     pyramid_.throwIfReadsFailed(batch.level, brick);
@@ -159,14 +159,14 @@ class OtherValues : public ChunkValues {
     return {other_.realRange().min, other_.realRange().max};
   }
 
-  void evaluate(PlacedBatch& placed, std::span<float> shares) const override {
+  void evaluate(PlacedBatch& placed, std::span<double> shares) const override {
     placed.world.resize(placed.batch.positions.size());
     for (std::size_t v = 0; v < placed.world.size(); ++v)
       placed.world[v] = placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v));
-    values_.evaluate(placed.world, shares);
+    values_.evaluate(placed.world, placed.batch.normals, shares);
     const auto [least, greatest] = range();
     const double span = std::max(greatest - least, std::numeric_limits<double>::min());
-    for (float& share : shares) share = static_cast<float>((share - least) / span);
+    for (double& share : shares) share = (static_cast<float>(share) - least) / span;
   }
 
  private:

@@ -28,7 +28,7 @@ class ChunkValues {
   virtual std::array<double, 2> range() const = 0;
   // A share of the range for every vertex of the batch, or not a number; `placed.world` is scratch.
   // Throws Error for a damaged brick.
-  virtual void evaluate(PlacedBatch& placed, std::span<float> shares) const = 0;
+  virtual void evaluate(PlacedBatch& placed, std::span<double> shares) const = 0;
 };
 
 // How steep the volume is there, in data units per world unit, from the samples of the brick and

@@ -5,8 +5,8 @@
 #include <glm/common.hpp>
 #include <glm/matrix.hpp>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
-#include "isobrick/viewer/color_map.h"
 
 namespace isobrick {
 namespace {

@@ -6,8 +6,8 @@
 #include <atomic>
 #include <utility>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/listed_components.h"

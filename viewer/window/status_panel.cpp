@@ -5,8 +5,8 @@
 #include <cfloat>
 #include <glm/vec3.hpp>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/view_panel.h"

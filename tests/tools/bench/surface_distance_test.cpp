@@ -103,16 +103,13 @@ TEST(SurfaceDistance, FindsWhatLookingAtAllOfThemFinds) {
             {middle[0] + offset(random), middle[1] + offset(random), middle[2] + offset(random)});
       soup.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
     }
-    const auto corner = [&](std::uint32_t vertex) {
-      const auto& [x, y, z] = soup.positions[vertex];
-      return glm::dvec3(x, y, z);
-    };
+    const auto corner = [&](std::uint32_t vertex) { return glm::dvec3(soup.positions[vertex]); };
     for (int i = 0; i < 100; ++i) {
       const PlainMesh point = {{{place(random), place(random), place(random)}}, {}};
-      const auto& [x, y, z] = point.positions[0];
+      const glm::dvec3 at(point.positions[0]);
       double nearest = std::numeric_limits<double>::infinity();
       for (const auto& [a, b, c] : soup.triangles)
-        nearest = std::min(nearest, squaredDistance({x, y, z}, corner(a), corner(b), corner(c)));
+        nearest = std::min(nearest, squaredDistance(at, corner(a), corner(b), corner(c)));
       ASSERT_DOUBLE_EQ(distanceFrom(point, soup, kOptions).max, std::sqrt(nearest))
           << count << " triangles, " << i;
     }

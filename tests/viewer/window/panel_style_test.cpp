@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 #include "isobrick/viewer/window/panel_tools.h"
 
 namespace isobrick {

@@ -1,11 +1,26 @@
-// The colours of values, levels and components.
+// The colours of values, levels and components, and the two ways of writing down a colour.
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <glm/vec3.hpp>
+#include <string_view>
 
 namespace isobrick {
+
+// The sRGB curve (IEC 61966-2-1): linear light 0..1 to screen values 0..1; others are clipped, and
+// NaN is black.
+inline float srgbFromLinear(float linear) {
+  if (!(linear > 0.0f)) return 0.0f;
+  if (linear >= 1.0f) return 1.0f;
+  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
+}
+
+// The inverse of the sRGB curve, for values 0..1.
+inline float linearFromSrgb(float srgb) {
+  return srgb <= 0.04045f ? srgb / 12.92f : std::pow((srgb + 0.055f) / 1.055f, 2.4f);
+}
 
 // Each but the diverging one gets lighter in even steps, to eyes that confuse colours too.
 //
@@ -19,6 +34,9 @@ enum class ColorMap {
   kCoolWarm,  // blue, grey, red
   kGrey,      // black to white
 };
+// Their names in files and on command lines, in this order.
+inline constexpr std::array<std::string_view, 5> kColorMapNames{"viridis", "cividis", "inferno",
+                                                                "cool_warm", "grey"};
 
 // In even steps from the first to the last.
 inline constexpr std::size_t kColorMapPlaces = 17;

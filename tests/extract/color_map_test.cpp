@@ -1,13 +1,11 @@
 // The colours of values are in order by their lightness, and in even steps.
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cmath>
 #include <set>
-
-#include "isobrick/viewer/image.h"
 
 namespace isobrick {
 namespace {

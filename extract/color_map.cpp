@@ -1,10 +1,8 @@
-#include "isobrick/viewer/color_map.h"
+#include "isobrick/extract/color_map.h"
 
 #include <algorithm>
 #include <cassert>
 #include <cstdint>
-
-#include "isobrick/viewer/image.h"
 
 namespace isobrick {
 namespace {
