@@ -55,6 +55,7 @@ class MeshCheck : public TriangleSink {
   ~MeshCheck() override;
 
   void begin(const MeshFrame& frame) override;
+  bool takesRemains() const override { return sink_.takesRemains(); }
   void prepare(PlacedBatch& placed) override { sink_.prepare(placed); }
   void place(PlacedBatch& placed) override;
   void write(PlacedBatch& placed) override;
