@@ -275,3 +275,27 @@ def test_an_empty_surface(head: Path) -> None:
 def test_queries_that_make_no_sense(head: Path, choice: Any, message: str) -> None:
     with isobrick.open(head) as pyramid, pytest.raises(isobrick.Error, match=message):
         pyramid.extract(**{"isovalue": 1324, **choice})
+
+
+def test_caps_make_a_solid(tmp_path: Path) -> None:
+    """A slab that leaves the volume on four sides; half of it in a box."""
+    z, y, x = np.meshgrid(*(np.arange(n, dtype=np.float32) for n in (21, 30, 24)), indexing="ij")
+    slab = 4.25 - np.abs(x - 11.5)
+    isobrick.build(slab, tmp_path / "slab.isb", spacing=(0.5, 1, 2))
+    with isobrick.open(tmp_path / "slab.isb") as pyramid:
+        mesh = pyramid.extract(0, cap=True)
+        assert mesh.volume() == pytest.approx(8.5 * 0.5 * 29 * 40, rel=1e-5)
+        assert mesh.caps.dtype == bool and len(mesh.caps) == len(mesh.faces)
+        a, b, c = (mesh.points[mesh.faces[mesh.caps][:, i]].astype(float) for i in range(3))
+        caps = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+        assert caps == pytest.approx(2 * 8.5 * 0.5 * (29 + 40), rel=1e-5)
+        assert sum(level.cap_triangles for level in mesh.report.levels) == mesh.caps.sum()
+        half = pyramid.extract(0, box=((0, 0, 0), (24, 10, 21)), indices=True, cap=True)
+        assert half.volume() == pytest.approx(8.5 * 0.5 * 10 * 40, rel=1e-5)
+        mesh.save(tmp_path / "saved.ply")
+        pyramid.extract_to(tmp_path / "written.ply", 0, cap=True)
+        assert (tmp_path / "saved.ply").read_bytes() == (tmp_path / "written.ply").read_bytes()
+        open_mesh = pyramid.extract(0)
+        assert not open_mesh.caps.any() and len(open_mesh.faces) == len(mesh.faces) - mesh.caps.sum()
+    in_memory = isobrick.isosurface(slab, 0, spacing=(0.5, 1, 2), cap=True)
+    assert in_memory.volume() == pytest.approx(mesh.volume(), rel=1e-6)

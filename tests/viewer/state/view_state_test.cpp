@@ -43,6 +43,7 @@ ViewState fullState() {
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
   state.piece_measures = {{1.0, 2, 3.0, 4.0, {5, 6, 7}, {8, 9, 10}, {11, 12, 13}, {14, 15, 16}}};
   state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}}};
+  state.capped = true;
   state.mesh_distance = 0.75;
   state.wireframe = true;
   state.show_box = false;
