@@ -10,7 +10,7 @@
 namespace isobrick {
 namespace {
 
-constexpr std::size_t kRun = 16;  // samples whose sums stay in registers
+constexpr std::size_t kSamplesAtATime = 16;  // samples whose sums stay in registers
 
 // Of the samples from `at` on. Known at compile time, kCount makes vectors of the inner loops.
 template <typename T, std::size_t kCount>
@@ -58,7 +58,8 @@ template <typename T>
 void smoothAcross(const T* center, std::span<const T* const> pairs, const float* weights,
                   std::size_t count, float* out) {
   std::size_t at = 0;
-  for (; at + kRun <= count; at += kRun) smoothRun<T, kRun>(center, pairs, weights, at, out);
+  for (; at + kSamplesAtATime <= count; at += kSamplesAtATime)
+    smoothRun<T, kSamplesAtATime>(center, pairs, weights, at, out);
   for (; at < count; ++at) smoothRun<T, 1>(center, pairs, weights, at, out);
 }
 

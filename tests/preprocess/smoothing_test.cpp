@@ -23,17 +23,18 @@ namespace isobrick::test {
 namespace {
 
 constexpr double kSigma = 1.25;
-constexpr double kRadius = 20;
+constexpr double kBallRadius = 20;
 const glm::dvec3 kMiddle{31.3, 31.1, 31.7};
 constexpr Index3 kBallVoxels{64, 63, 65};
 
 double radiusAt(const Index3& i) { return glm::length(glm::dvec3(i) - kMiddle); }
 std::vector<std::uint8_t> ballMask() {
   return arrayOfField<std::uint8_t>(kBallVoxels,
-                                    [](const Index3& i) { return radiusAt(i) <= kRadius; });
+                                    [](const Index3& i) { return radiusAt(i) <= kBallRadius; });
 }
 std::vector<float> ballDistance() {
-  return arrayOfField<float>(kBallVoxels, [](const Index3& i) { return kRadius - radiusAt(i); });
+  return arrayOfField<float>(kBallVoxels,
+                             [](const Index3& i) { return kBallRadius - radiusAt(i); });
 }
 
 template <typename T>
@@ -45,7 +46,7 @@ std::unique_ptr<VolumeSource> smoothed(const Index3& voxels, const std::vector<T
 }
 
 // All voxels, `rows` rows at a time.
-std::vector<float> readAll(VolumeSource& source, std::int64_t rows) {
+std::vector<float> readByRows(VolumeSource& source, std::int64_t rows) {
   const Index3 n = source.info().voxels;
   std::vector<float> values(static_cast<std::size_t>(elementCount(n)));
   for (std::int64_t row = 0; row < n.y * n.z; row += rows)
@@ -56,7 +57,7 @@ std::vector<float> readAll(VolumeSource& source, std::int64_t rows) {
 template <typename T>
 std::vector<float> smooth(const Index3& voxels, const std::vector<T>& values, double sigma,
                           std::int64_t rows = 7) {
-  return readAll(*smoothed(voxels, values, sigma), rows);
+  return readByRows(*smoothed(voxels, values, sigma), rows);
 }
 
 // In double, voxel by voxel.
@@ -89,7 +90,7 @@ struct BallMesh {
   double mean_angle = 0;  // of the triangles to the true normal, by area, in degrees
 };
 template <typename T>
-BallMesh meshOf(const Index3& voxels, const std::vector<T>& values, double isovalue) {
+BallMesh ballMeshOf(const Index3& voxels, const std::vector<T>& values, double isovalue) {
   VolumeInfo info;
   info.voxels = voxels;
   info.voxel_type = voxelTypeOf<T>();
@@ -201,17 +202,18 @@ TEST(SmoothingTest, WhatIsNotFiniteStaysAndDoesNotSpread) {
 
 TEST(SmoothingTest, ABallKeepsItsVolumeAndBecomesRound) {
   const auto mask = ballMask();
-  const BallMesh rough = meshOf(kBallVoxels, mask, 0.5);
-  const BallMesh smooth_mask = meshOf(kBallVoxels, smooth(kBallVoxels, mask, kSigma), 0.5);
+  const BallMesh rough = ballMeshOf(kBallVoxels, mask, 0.5);
+  const BallMesh smooth_mask = ballMeshOf(kBallVoxels, smooth(kBallVoxels, mask, kSigma), 0.5);
   EXPECT_NEAR(smooth_mask.report.volume / rough.report.volume, 1, 0.005);
   EXPECT_LT(smooth_mask.mean_angle, rough.mean_angle / 3);
   EXPECT_EQ(smooth_mask.report.euler, 2);
 
   const auto field = ballDistance();
-  const double volume = meshOf(kBallVoxels, field, 0).report.volume;
+  const double volume = ballMeshOf(kBallVoxels, field, 0).report.volume;
   for (const double sigma : {1.0, 2.0, 3.0})
-    EXPECT_NEAR(meshOf(kBallVoxels, smooth(kBallVoxels, field, sigma), 0).report.volume / volume, 1,
-                0.0005)
+    EXPECT_NEAR(
+        ballMeshOf(kBallVoxels, smooth(kBallVoxels, field, sigma), 0).report.volume / volume, 1,
+        0.0005)
         << sigma;
 }
 
@@ -221,7 +223,7 @@ TEST(SmoothingTest, AtTheBorderTheSurfaceSlidesInTheFaceAlone) {
   const Index3 voxels(40, 64, 64);
   const glm::dvec3 middle(0, 31.3, 31.6);
   const auto field = arrayOfField<float>(
-      voxels, [&](const Index3& i) { return kRadius - glm::length(glm::dvec3(i) - middle); });
+      voxels, [&](const Index3& i) { return kBallRadius - glm::length(glm::dvec3(i) - middle); });
   const std::vector<float> result = smooth(voxels, field, 2.0);
   VolumeInfo info;
   info.voxels = voxels;
@@ -235,7 +237,7 @@ TEST(SmoothingTest, AtTheBorderTheSurfaceSlidesInTheFaceAlone) {
     if (place.x > 0) continue;
     ++in_face;
     EXPECT_EQ(place.x, 0);
-    EXPECT_NEAR(glm::length(place - middle), kRadius, 0.05);
+    EXPECT_NEAR(glm::length(place - middle), kBallRadius, 0.05);
   }
   EXPECT_GT(in_face, 100u);
 }
@@ -245,7 +247,7 @@ TEST(SmoothingTest, SaysHowFarTheSurfaceMoved) {
   const auto shifts = std::make_shared<std::vector<SurfaceShift>>(
       std::vector<SurfaceShift>{{.isovalue = 0.5}, {.isovalue = 7}});
   const auto source = smoothed(kBallVoxels, mask, kSigma, shifts);
-  readAll(*source, 50);
+  readByRows(*source, 50);
   const SurfaceShift& shift = shifts->front();
   // The crossings of a mask lie half way along edges: their distances to the sphere are known.
   double sum = 0, most = 0;
@@ -256,9 +258,9 @@ TEST(SmoothingTest, SaysHowFarTheSurfaceMoved) {
         for (int axis = 0; axis < 3; ++axis) {
           Index3 next = i;
           if (++next[axis] == kBallVoxels[axis]) continue;
-          if ((radiusAt(i) <= kRadius) == (radiusAt(next) <= kRadius)) continue;
+          if ((radiusAt(i) <= kBallRadius) == (radiusAt(next) <= kBallRadius)) continue;
           const glm::dvec3 place = (glm::dvec3(i) + glm::dvec3(next)) / 2.0;
-          const double distance = std::abs(glm::length(place - kMiddle) - kRadius);
+          const double distance = std::abs(glm::length(place - kMiddle) - kBallRadius);
           sum += distance;
           most = std::max(most, distance);
           ++crossings;
@@ -278,7 +280,7 @@ TEST(SmoothingTest, SaysHowFarTheSurfaceMoved) {
   for (const auto& [values, moves] : {std::pair(dot, true), std::pair(plane, false)}) {
     const auto one =
         std::make_shared<std::vector<SurfaceShift>>(std::vector<SurfaceShift>{{.isovalue = 0.5}});
-    readAll(*smoothed(voxels, values, 2.0, one), 24);
+    readByRows(*smoothed(voxels, values, 2.0, one), 24);
     EXPECT_EQ(one->front().gone > 0, moves);
     if (!moves) {
       EXPECT_NEAR(one->front().most, 0, 1e-5);
