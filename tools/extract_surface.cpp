@@ -189,9 +189,12 @@ ExtractResult ExtractedSurface::end(const std::function<ValueRange()>& range_of)
   finest.uniform_level = query_.uniform_level;
   result_.is_finest =
       query_.uniform_level.value_or(0) == 0 && static_cast<const DetailChoice&>(query_) == finest;
-  if (file_sink_ != nullptr)
+  if (file_sink_ != nullptr) {
     if (const std::string loss = file_sink_->loss(); !loss.empty())
       warnOfLosses(result_.output, {loss + "; give --shift auto, or write .ply"});
+    if (const std::string assumption = file_sink_->assumption(); !assumption.empty())
+      warnOfLosses(result_.output, {assumption});
+  }
   for (std::size_t i = 0; i < attributes_.sampled.size(); ++i) {
     const PyramidValues* const values = attributes_.sampled[i];
     result_.vertices_outside.push_back(values != nullptr ? values->outside() - outside_before_[i]

@@ -23,6 +23,8 @@ class MeshFileSink : public TriangleSink {
   // After finish(): words on what the format did not keep of the mesh, with figures. Empty:
   // nothing.
   virtual std::string loss() const { return {}; }
+  // After begin(): words on what the format says that nobody knows of the mesh. Empty: nothing.
+  virtual std::string assumption() const { return {}; }
 };
 
 // The axes of a mesh's coordinates.
@@ -115,7 +117,7 @@ std::vector<MeshFormatInfo> meshFormats();
 //   .vtp  VTK PolyData, appended data: as .ply, with normals as `Normals`, and `level` of the cells
 //   .3mf  an object for 3D printers: positions with digits enough to read back as those of .ply,
 //         triangles, the unit; no normals. At most 2^31 - 1 vertices. Lengths of an unknown unit
-//         count as millimetres: see MeshFileSink::loss()
+//         count as millimetres: see MeshFileSink::assumption()
 // All but .stl hold at most 2^32 - 1 vertices. All are in the world coordinates of the pyramid, LPS
 // as its source has them, or where MeshFileOptions::placement says; their headers say so, and
 // whether lengths are millimetres or of an unknown unit (MeshFrame::geometry).

@@ -62,6 +62,7 @@ class PlacedSink : public MeshFileSink {
   void finish() override { sink_->finish(); }
   std::uint64_t vertices() const override { return sink_->vertices(); }
   std::string loss() const override { return sink_->loss(); }
+  std::string assumption() const override { return sink_->assumption(); }
 
  private:
   std::string nameOfSpace() const {

@@ -91,15 +91,13 @@ class ThreeMfObjectSink : public NumberedMesh {
     object_.triangle_count = triangles_;
   }
   std::string loss() const override {
-    std::string text;
-    if (unitText(frame_) == lengthUnitName(LengthUnit::kUnknown) || unitText(frame_) == "voxels")
-      text = "the format knows no lengths without a unit, so they count as millimetres";
-    if (double_precision_)
-      text += (text.empty() ? "" : "; ") +
-              std::string(
-                  "most readers compute in single precision, which moves vertices so far "
-                  "from the origin");
-    return text;
+    if (!double_precision_) return {};
+    return "most readers compute in single precision, which moves vertices so far from the origin";
+  }
+  std::string assumption() const override {
+    const std::string unit = unitText(frame_);
+    if (unit != "voxels" && unit != lengthUnitName(LengthUnit::kUnknown)) return {};
+    return "the format knows no lengths without a unit, so they count as millimetres";
   }
 
   static constexpr std::uint64_t kVertexBytes = sizeof(glm::dvec3), kTriangleBytes = 12;
@@ -295,6 +293,7 @@ class ThreeMfSink : public MeshFileSink {
   }
   std::uint64_t vertices() const override { return object_->vertices(); }
   std::string loss() const override { return object_->loss(); }
+  std::string assumption() const override { return object_->assumption(); }
 
  private:
   ThreeMfFile file_;

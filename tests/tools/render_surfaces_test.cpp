@@ -33,8 +33,6 @@ TEST_F(RenderSurfacesTest, EachHasItsColorAndOpacity) {
   const std::string outer = rendered({"--iso", "530", "--color", "0.9,0.6,0.5"});
   EXPECT_FALSE(both == inner);
   EXPECT_FALSE(both == outer);
-  EXPECT_TRUE(rendered({"--iso", "530,1160", "--color", "0.9,0.6,0.5", "--color", "0.2,0.4,0.9"}) ==
-              outer);
   expectFailure(2, {"render", "head.isb", "--iso", "530,1160", "--opacity", "0.4", "-o", "b.png"},
                 "once for each isovalue");
   EXPECT_EQ(run({"render", "head.isb", "--iso", "530", "--opacity", "2", "-o", "b.png"}).status, 2);
