@@ -146,8 +146,10 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const auto open = [&] { return openShowingProgress(words.options(), source_bytes); };
   std::unique_ptr<VolumeSource> source = open();
   refuseUnfitInputOptions(words.parser(), source->info());
-  arguments.query.input.pyramid = pyramidAtHand(*source, arguments.query.input.path);
-  if (!arguments.query.input.pyramid.empty()) return std::nullopt;
+  if (shifts == nullptr) {  // a pyramid does not know where its surface was before
+    arguments.query.input.pyramid = pyramidAtHand(*source, arguments.query.input.path);
+    if (!arguments.query.input.pyramid.empty()) return std::nullopt;
+  }
   refuseOutputs(arguments);
   const std::vector<std::string> files = source->files();
   for (const std::string& name : meshNames(arguments))
