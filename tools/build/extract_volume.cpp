@@ -153,8 +153,10 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   if (const auto grid_class = properties.find("vdb.class");
       !arguments.query.inside && grid_class != properties.end())
     arguments.query.inside = insideOfClass(grid_class->second);
-  arguments.query.input.pyramid = pyramidAtHand(*source, arguments.query.input.path);
-  if (!arguments.query.input.pyramid.empty()) return std::nullopt;
+  if (shifts == nullptr) {  // a pyramid does not know where its surface was before
+    arguments.query.input.pyramid = pyramidAtHand(*source, arguments.query.input.path);
+    if (!arguments.query.input.pyramid.empty()) return std::nullopt;
+  }
   refuseOutputs(arguments);
   const std::vector<std::string> files = source->files();
   for (const std::string& name : meshNames(arguments))
