@@ -54,7 +54,7 @@ void addTriangle(const std::array<glm::dvec3, 3>& p, bool has_area, BatchSums& s
 }
 
 // Exact: positions have 24 bits.
-bool hasArea(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
+bool spansArea(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
   const glm::dvec3 p(a);
   return glm::cross(glm::dvec3(b) - p, glm::dvec3(c) - p) != glm::dvec3(0.0);
 }
@@ -172,7 +172,7 @@ void MeshCheck::write(PlacedBatch& placed) {
   for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
     const std::uint32_t a = batch.triangles[i], b = batch.triangles[i + 1],
                         c = batch.triangles[i + 2];
-    const bool has_area = hasArea(batch.positions[a], batch.positions[b], batch.positions[c]);
+    const bool has_area = spansArea(batch.positions[a], batch.positions[b], batch.positions[c]);
     counts.zero_area += has_area ? 0 : 1;
     addTriangle({world[a], world[b], world[c]}, has_area, sums, least_sine, counts.worst_aspect);
   }

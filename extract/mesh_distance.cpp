@@ -13,7 +13,7 @@
 namespace isobrick {
 namespace {
 
-std::size_t cornerOf(const std::array<std::uint32_t, 3>& triangle, std::uint32_t vertex) {
+std::size_t cornerAt(const std::array<std::uint32_t, 3>& triangle, std::uint32_t vertex) {
   return static_cast<std::size_t>(std::ranges::find(triangle, vertex) - triangle.begin());
 }
 
@@ -63,7 +63,7 @@ std::span<const std::uint32_t> MeshDistance::trianglesAt(std::uint32_t vertex) c
 
 bool MeshDistance::findClosed() const {
   const auto hasEdge = [&](const Triangle& triangle, std::uint32_t from, std::uint32_t to) {
-    const std::size_t at = cornerOf(triangle, from);
+    const std::size_t at = cornerAt(triangle, from);
     return at < 3 && triangle[(at + 1) % 3] == to;
   };
   return std::ranges::all_of(triangles_, [&](const Triangle& triangle) {
@@ -101,9 +101,9 @@ double MeshDistance::signOf(const glm::dvec3& point, std::uint32_t nearest) cons
   } else {
     for (const std::uint32_t t : trianglesAt(feature[0])) {
       const Triangle& other = triangles_[t];
-      if (feature.size() == 2 && cornerOf(other, feature[1]) == 3) continue;
+      if (feature.size() == 2 && cornerAt(other, feature[1]) == 3) continue;
       const std::array<glm::dvec3, 3> q = pointsOf(other);
-      const std::size_t at = cornerOf(other, feature[0]);
+      const std::size_t at = cornerAt(other, feature[0]);
       const glm::dvec3 u = unitOf(q[(at + 1) % 3] - q[at]), v = unitOf(q[(at + 2) % 3] - q[at]);
       const double angle = feature.size() == 2 ? 1 : std::acos(std::clamp(glm::dot(u, v), -1., 1.));
       outward += angle * unitOf(faceNormal(q));

@@ -21,7 +21,7 @@
 namespace isobrick {
 namespace {
 
-using Kind = AttributeOptions::Kind;
+using AttributeKind = AttributeOptions::Kind;
 
 std::optional<double> numberOrNothing(const std::string& text) {
   try {
@@ -40,7 +40,7 @@ AttributeOptions parseAttribute(const std::string& word) {
     options.name = word.substr(0, equals);
     what = word.substr(equals + 1);
   }
-  const auto named = [&](Kind kind, const char* name) {
+  const auto named = [&](AttributeKind kind, const char* name) {
     options.kind = kind;
     if (options.name.empty()) options.name = name;
   };
@@ -48,22 +48,22 @@ AttributeOptions parseAttribute(const std::string& word) {
     return what.starts_with(prefix) ? std::optional(what.substr(prefix.size())) : std::nullopt;
   };
   if (what == kComponentAttribute) {
-    named(Kind::kComponent, kComponentAttribute);
+    named(AttributeKind::kComponent, kComponentAttribute);
   } else if (what == "thickness") {
-    named(Kind::kThickness, "thickness");
+    named(AttributeKind::kThickness, "thickness");
   } else if (const auto limit = behind("thickness:")) {
-    named(Kind::kThickness, "thickness");
+    named(AttributeKind::kThickness, "thickness");
     options.limit = parseNumber(*limit);
     if (!(*options.limit > 0)) throw std::invalid_argument("a thickness is above 0");
   } else if (const auto other = behind("distance:")) {
     options.limit = numberOrNothing(*other);
-    named(options.limit ? Kind::kValueDistance : Kind::kMeshDistance, "distance");
+    named(options.limit ? AttributeKind::kValueDistance : AttributeKind::kMeshDistance, "distance");
     if (!options.limit) options.input.path = *other;
   } else if (const auto labels = behind("nearest:")) {
-    named(Kind::kNearest, "label");
+    named(AttributeKind::kNearest, "label");
     options.input.path = *labels;
   } else {
-    named(Kind::kValue, "value");
+    named(AttributeKind::kValue, "value");
     options.input.path = what;
   }
   return options;
@@ -137,27 +137,28 @@ AttributeFields::AttributeFields(const std::vector<AttributeOptions>& options,
   for (const AttributeOptions& one : options) {
     pyramids_.emplace_back();
     sampled_.emplace_back();
-    if (one.kind == Kind::kMeshDistance)
+    if (one.kind == AttributeKind::kMeshDistance)
       fields_["mesh " + one.input.path] =
           std::make_unique<MeshDistance>(readMeshFile(one.input.path));
     if (!one.isOfPyramid()) continue;
     pyramids_.back() = openPyramidFile(one.input.pyramid, each, fileAccess(no_map), remote);
     sampled_.back() = std::make_unique<PyramidValues>(
-        *pyramids_.back(), one.kind == Kind::kNearest ? Sampling::kNearest : Sampling::kTrilinear);
+        *pyramids_.back(),
+        one.kind == AttributeKind::kNearest ? Sampling::kNearest : Sampling::kTrilinear);
   }
 }
 
 const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options, double isovalue,
                                              const Pyramid& pyramid, Extractor* extractor) {
   std::string what;
-  if (options.kind == Kind::kThickness)
+  if (options.kind == AttributeKind::kThickness)
     what = fmt::format("thickness {} {}", isovalue, options.limit.value_or(0));
-  else if (options.kind == Kind::kValueDistance)
+  else if (options.kind == AttributeKind::kValueDistance)
     what = fmt::format("isovalue {}", *options.limit);
   else
     what = "mesh " + options.input.path;
   std::unique_ptr<const VertexValues>& field = fields_[what];
-  if (field == nullptr && options.kind == Kind::kThickness) {
+  if (field == nullptr && options.kind == AttributeKind::kThickness) {
     field = std::make_unique<WallThickness>(
         pyramid, isovalue, options.limit.value_or(std::numeric_limits<double>::infinity()));
   } else if (field == nullptr) {
@@ -180,10 +181,10 @@ SurfaceAttributes AttributeFields::of(double isovalue, const Pyramid& pyramid,
     surface.sampled.push_back(sampled_[i].get());
     if (options.isOfPyramid())
       attribute.values = sampled_[i].get();
-    else if (options.kind != Kind::kComponent)
+    else if (options.kind != AttributeKind::kComponent)
       attribute.values = fieldOf(options, isovalue, pyramid, extractor);
-    if (options.kind == Kind::kNearest) attribute.type = labelTypeOf(*pyramids_[i]);
-    if (options.kind == Kind::kComponent) attribute.type = AttributeType::kUint32;
+    if (options.kind == AttributeKind::kNearest) attribute.type = labelTypeOf(*pyramids_[i]);
+    if (options.kind == AttributeKind::kComponent) attribute.type = AttributeType::kUint32;
     surface.attributes.push_back(attribute);
   }
   if (!coloring_.attribute.empty()) surface.colors = colorsOf(surface);
@@ -209,7 +210,7 @@ VertexColors AttributeFields::colorsOf(const SurfaceAttributes& surface) const {
     const RealRange range = pyramids_[colors.attribute]->realRange();
     colors.low = range.min;
     colors.high = range.max > range.min ? range.max : range.min + 1;
-  } else if (options.kind == Kind::kThickness && options.limit) {
+  } else if (options.kind == AttributeKind::kThickness && options.limit) {
     colors.high = *options.limit;
   } else {
     throw UsageError(

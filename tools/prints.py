@@ -58,7 +58,7 @@ def draw(mesh: pyvista.PolyData, towards: tuple[float, float, float], path: Path
         smooth_shading=not has_colors, split_sharp_edges=not has_colors, specular=0.1, ambient=0.2,
     )  # fmt: skip
     plotter.view_vector(towards, viewup=(0, 0, 1))
-    plotter.camera.zoom(1.4)
+    plotter.camera.zoom(1.2)
     plotter.enable_anti_aliasing("ssaa")
     plotter.screenshot(path)
     plotter.close()

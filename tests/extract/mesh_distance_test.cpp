@@ -58,8 +58,8 @@ TEST(MeshDistance, OfACubeHasItsSign) {
   EXPECT_THROW(MeshDistance{IndexedMesh()}, Error);
 }
 
-IndexedMesh ballOf(const TemporaryFolder& folder, const glm::dvec3& center, double radius,
-                   const char* name) {
+IndexedMesh meshOfBall(const TemporaryFolder& folder, const glm::dvec3& center, double radius,
+                       const char* name) {
   const Pyramid pyramid(buildField(
       folder, Index3(44), [&](const glm::dvec3& p) { return radius - glm::length(p - center); }, {},
       {}, name));
@@ -72,8 +72,8 @@ TEST(MeshDistance, BetweenTwoSpheresIsThatOfTheirCentres) {
   const TemporaryFolder folder;
   const glm::dvec3 large_center(21.3, 21.8, 20.9), small_center(24.1, 20.2, 22.4);
   const double large_radius = 17, small_radius = 8;
-  const IndexedMesh small = ballOf(folder, small_center, small_radius, "small.isb");
-  const IndexedMesh large = ballOf(folder, large_center, large_radius, "large.isb");
+  const IndexedMesh small = meshOfBall(folder, small_center, small_radius, "small.isb");
+  const IndexedMesh large = meshOfBall(folder, large_center, large_radius, "large.isb");
   const MeshDistance from_large(large), from_small(small);
   std::vector<double> found(small.positions.size());
   from_large.evaluate(small.positions, small.normals, found);
