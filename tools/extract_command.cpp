@@ -88,8 +88,9 @@ ExtractResults extract(ExtractArguments& arguments) {
   const auto together = collectionOf(arguments, pyramid, fields);
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
-    results.surfaces.push_back(extractOne(arguments, pyramid, extractor, fields, names[i],
-                                          together ? together->add(objectOf(arguments, i)) : nullptr));
+    results.surfaces.push_back(
+        extractOne(arguments, pyramid, extractor, fields, names[i],
+                   together ? together->add(objectOf(arguments, i)) : nullptr));
   }
   if (together) together->finish();
   results.pager = pyramid.parts().counters();
@@ -106,9 +107,8 @@ bool needsNoPyramid(const ExtractArguments& arguments) {
   return isReadAsVolume(query.input) && query.input.cache_folder.empty() && is_known &&
          !masksNan(query.input) &&
          std::ranges::none_of(arguments.attributes, &AttributeOptions::isOfSurface) &&
-         isFinest(query.choice) && query.or_finer.empty() &&
-         !arguments.most_triangles && !arguments.part && arguments.repeat == 1 &&
-         !isShareName(arguments.output);
+         isFinest(query.choice) && query.or_finer.empty() && !arguments.most_triangles &&
+         !arguments.part && arguments.repeat == 1 && !isShareName(arguments.output);
 }
 
 ExtractResults extractFromPyramid(ExtractArguments& arguments) {

@@ -162,8 +162,7 @@ void ExtractedSurface::endComponents() {
 
 TriangleSink& ExtractedSurface::meshSink(bool to_file) {
   if (to_file && file_sink_ == nullptr && !result_.output.empty())
-    file_sink_ =
-        makeMeshFileSink(result_.output, fileOptionsOf(arguments_, pyramid_, attributes_));
+    file_sink_ = makeMeshFileSink(result_.output, fileOptionsOf(arguments_, pyramid_, attributes_));
   to_file_ = to_file && file_sink_ != nullptr;
   counting_sink_ = CountingSink();
   TriangleSink* sink = to_file_ ? static_cast<TriangleSink*>(file_sink_.get()) : &counting_sink_;

@@ -47,7 +47,7 @@ struct PackedChunk {
   struct ViewSize {
     std::uint64_t count = 0, stride = 0, offset = 0, bytes = 0;
   };
-  std::vector<ViewSize> views;  // count 0: there are no caps
+  std::vector<ViewSize> views;                                // count 0: there are no caps
   std::size_t triangles() const { return views.size() - 2; }  // their view
   std::size_t caps() const { return views.size() - 1; }
   std::vector<std::byte> bytes;

@@ -157,8 +157,9 @@ class MeshoptSink : public NumberedSink {
          {std::pair(chunk.triangles(), "0"), std::pair(chunk.caps(), "1")}) {
       if (chunk.views[kind].count == 0) continue;
       const std::string triangles = accessor(kind, R"(,"componentType":5125,"type":"SCALAR"})");
-      primitives_ += joined(primitives_.empty() ? "" : ",", R"({"attributes":{)", names,
-                            R"(},"indices":)", triangles, R"(,"mode":4,"material":)", material, "}");
+      primitives_ +=
+          joined(primitives_.empty() ? "" : ",", R"({"attributes":{)", names, R"(},"indices":)",
+                 triangles, R"(,"mode":4,"material":)", material, "}");
     }
   }
 

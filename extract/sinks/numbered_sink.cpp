@@ -91,8 +91,8 @@ void NumberedMesh::putValue(BytePointer& to, const VertexAttribute& attribute, d
     if (std::isnan(value)) value = 0;
     const auto whole = static_cast<std::int64_t>(value);
     if (!std::in_range<Whole>(whole) || static_cast<double>(whole) != value)
-      throw Error("'" + path_ + "': the value " + std::to_string(value) + " of '" +
-                      attribute.name + "' is no whole number of 32 bits; give another attribute",
+      throw Error("'" + path_ + "': the value " + std::to_string(value) + " of '" + attribute.name +
+                      "' is no whole number of 32 bits; give another attribute",
                   {.path = path_});
     to.put(static_cast<Whole>(whole));
   };

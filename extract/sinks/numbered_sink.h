@@ -98,7 +98,8 @@ class NumberedMesh : public MeshFileSink {
   void findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const;
 
   WorldPlacement placement_, volume_placement_;
-  glm::mat3 volume_normals_{1.0f};  // of a mesh that is placed elsewhere, back to the volume's world
+  glm::mat3 volume_normals_{
+      1.0f};  // of a mesh that is placed elsewhere, back to the volume's world
   VertexNumbering numbering_;
 };
 

@@ -26,7 +26,6 @@ class PlySink : public NumberedSink {
   }
 
  private:
-
   std::size_t faceBytes() const { return frame_.has_caps ? 15 : 14; }
   std::size_t vertexBytes() const {
     std::size_t bytes = (double_precision_ ? 36u : 24u) + (options_.colors ? 3u : 0u);

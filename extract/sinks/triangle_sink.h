@@ -80,8 +80,8 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the outside
   std::vector<SharedVertex> shared;    // ascending in `vertex`
-  // The last so many of `triangles` are caps (Query::cap), which lie in the border of the volume, of
-  // the query's box or of its region.
+  // The last so many of `triangles` are caps (Query::cap), which lie in the border of the volume,
+  // of the query's box or of its region.
   std::size_t cap_indices = 0;
   // The last so many before them belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;

@@ -268,9 +268,8 @@ class VtpSink : public NumberedSink {
         array("Float32", "Normals", 3, offsets.normals) + values + "</PointData>\n<CellData>\n" +
         array("UInt8", "level", 1, offsets.levels) +
         (frame_.has_caps ? array("UInt8", "cap", 1, offsets.caps) : "") +
-        "</CellData>\n<Points>\n" +
-        array(real, "Points", 3, offsets.positions) + "</Points>\n<Polys>\n" +
-        array(index, "connectivity", 1, offsets.corners) +
+        "</CellData>\n<Points>\n" + array(real, "Points", 3, offsets.positions) +
+        "</Points>\n<Polys>\n" + array(index, "connectivity", 1, offsets.corners) +
         array(index, "offsets", 1, offsets.ends) + "</Polys>\n</Piece>\n</PolyData>\n";
     const std::string tail = "<AppendedData encoding=\"raw\">\n_";
     head.resize(header_bytes_ - tail.size() - 1, ' ');

@@ -70,7 +70,8 @@ class MeshData {
   // The numbers of a field that the mesh was extracted with, one a vertex, of its type.
   const void* values(std::size_t field);
 
-  // Writes the file that an extraction straight into it writes, to the byte. Attributes are its own.
+  // Writes the file that an extraction straight into it writes, to the byte. Attributes are its
+  // own.
   void save(const std::string& path, MeshFileOptions options) const;
   MeshQuality check(const CancelFlag* cancel) const;
 

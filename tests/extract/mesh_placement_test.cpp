@@ -163,8 +163,8 @@ TEST_F(MeshPlacementTest, AttributesAreThoseOfTheWorld) {
   const auto pyramid = ball(geometryOf(-1));
   const PyramidValues values(*pyramid);
   const auto bytesOf = [&](const MeshPlacement& placement) {
-    const auto sink =
-        makeMeshFileSink(folder_.file("values.ply"), {.values = &values, .placement = placement});
+    const auto sink = makeMeshFileSink(
+        folder_.file("values.ply"), {.attributes = {{.values = &values}}, .placement = placement});
     extractIsosurface(*pyramid, Query{}, *sink);
     const std::string bytes = readBytes(folder_.file("values.ply"));
     std::string found;

@@ -38,7 +38,7 @@ PlainMesh plainMesh(const IndexedMesh& mesh) {
   return plain;
 }
 
-IndexedMesh meshOf(const Pyramid& pyramid, const Query& query) {
+IndexedMesh meshOfQuery(const Pyramid& pyramid, const Query& query) {
   IndexedMeshSink sink;
   extractIsosurface(pyramid, query, sink);
   return sink.mesh();
@@ -62,9 +62,9 @@ TEST(Simplify, RandomMeshesStayClosedAndNear) {
     const Pyramid pyramid(buildRandomPyramid(random, folder, 3));
     const Index3& dims = pyramid.spec().voxels;
     Query query = randomQuery(random, pyramid);
-    const IndexedMesh finest = meshOf(pyramid, query);
+    const IndexedMesh finest = meshOfQuery(pyramid, query);
     query.simplify = SimplifyOptions{random.real(0.05, 1.5)};
-    const IndexedMesh mesh = meshOf(pyramid, query);
+    const IndexedMesh mesh = meshOfQuery(pyramid, query);
     triangles += finest.triangles.size() / 3;
     simplified_triangles += mesh.triangles.size() / 3;
 
@@ -106,7 +106,7 @@ TEST(Simplify, APlaneNeedsTwoTriangles) {
     }));
     Query query;
     query.simplify = SimplifyOptions{0.1};
-    const IndexedMesh mesh = meshOf(pyramid, query);
+    const IndexedMesh mesh = meshOfQuery(pyramid, query);
     EXPECT_EQ(mesh.triangles.size(), 6u);
     const MeshReport report =
         checkMesh(mesh.positions, mesh.triangles, indexOptions(pyramid.spec().voxels));
@@ -129,7 +129,7 @@ TEST(Simplify, ABlockNeedsFewTriangles) {
         return glm::clamp(std::min({inside.x, inside.y, inside.z}), -1.0, 1.0);
       },
       options));
-  const IndexedMesh mesh = meshOf(pyramid, sphereQuery(0.5));
+  const IndexedMesh mesh = meshOfQuery(pyramid, sphereQuery(0.5));
   const MeshReport report = checkMesh(mesh.positions, mesh.triangles, {});
   EXPECT_TRUE(report.ok()) << report.summary();
   EXPECT_LE(report.triangles, 1500);  // with seams more than 10,000
@@ -154,8 +154,8 @@ TEST(Simplify, CubesOfBricksFitEachOther) {
                  std::sin(p.z / bend) * std::cos(p.x / bend);
         },
         options));
-    const IndexedMesh finest = meshOf(pyramid, sphereQuery(0)),
-                      mesh = meshOf(pyramid, sphereQuery(0.4));
+    const IndexedMesh finest = meshOfQuery(pyramid, sphereQuery(0)),
+                      mesh = meshOfQuery(pyramid, sphereQuery(0.4));
     const MeshReport report =
         checkMesh(mesh.positions, mesh.triangles, indexOptions(pyramid.spec().voxels));
     ASSERT_TRUE(report.ok()) << report.summary();
@@ -172,7 +172,7 @@ TEST(Simplify, LeavesNoTriangleWithoutArea) {
     RandomCase random(seed);
     const TemporaryFolder folder;
     const Pyramid pyramid(fewValues(folder, random, 8));
-    const IndexedMesh mesh = meshOf(pyramid, sphereQuery(random.real(0.05, 1)));
+    const IndexedMesh mesh = meshOfQuery(pyramid, sphereQuery(random.real(0.05, 1)));
     const MeshReport report =
         checkMesh(mesh.positions, mesh.triangles, indexOptions(pyramid.spec().voxels));
     ASSERT_TRUE(report.ok()) << report.summary();
@@ -193,11 +193,11 @@ TEST(Simplify, PiecesOfABrickStayApart) {
     if (seed % 2 != 0) query.isovalue = random.real(20, 180);
     if (pyramid.layout().bricks(0) != Index3(1) || elementCount(pyramid.spec().voxels) > 6000)
       continue;
-    const IndexedMesh mesh = meshOf(pyramid, query);
+    const IndexedMesh mesh = meshOfQuery(pyramid, query);
     ASSERT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
     simplified += mesh.triangles.size();
     query.simplify.reset();
-    finest += meshOf(pyramid, query).triangles.size();
+    finest += meshOfQuery(pyramid, query).triangles.size();
   }
   EXPECT_GT(finest, 20'000u);
   EXPECT_LT(simplified, finest * 9 / 10);
@@ -212,7 +212,7 @@ TEST(Simplify, BothSidesOfAWallStayApart) {
       folder, Index3(49),
       [](const glm::dvec3& p) { return 1.0 - std::abs(glm::length(p - 24.3) - 15); }, options));
   for (const double distance : {0.5, 1.0, 2.0, 4.0}) {
-    const IndexedMesh mesh = meshOf(pyramid, sphereQuery(distance));
+    const IndexedMesh mesh = meshOfQuery(pyramid, sphereQuery(distance));
     EXPECT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty()) << distance;
     const MeshReport report = checkMesh(mesh.positions, mesh.triangles, {});
     EXPECT_TRUE(report.ok()) << report.summary();
@@ -233,14 +233,14 @@ TEST(Simplify, ADistanceInVoxelsIsOneOfTheLeastSpacing) {
         return 8 - glm::length((p - glm::dvec3(24, 24, 6)) * glm::dvec3(0.4, 0.4, 3.1));
       },
       {}, geometry));
-  const IndexedMesh finest = meshOf(pyramid, sphereQuery(0)),
-                    mesh = meshOf(pyramid, sphereQuery(1));
+  const IndexedMesh finest = meshOfQuery(pyramid, sphereQuery(0)),
+                    mesh = meshOfQuery(pyramid, sphereQuery(1));
   const Index3 box(40);  // millimetres
   EXPECT_LE(greatestDistance(plainMesh(mesh), plainMesh(finest), box), 0.4 + 1e-3);
   EXPECT_LE(greatestDistance(plainMesh(finest), plainMesh(mesh), box), 0.4 + 1e-3);
   Query query = sphereQuery(0);
   query.simplify = SimplifyOptions{.distance = 0.4, .in_world = true};
-  EXPECT_EQ(meshOf(pyramid, query).triangles, mesh.triangles);
+  EXPECT_EQ(meshOfQuery(pyramid, query).triangles, mesh.triangles);
 }
 
 // A sphere of radius 40 voxels in bricks of 32 cells.
@@ -255,8 +255,8 @@ std::string sphere(const TemporaryFolder& folder, const GridGeometry& geometry =
 TEST(Simplify, ASphereNeedsAFifthOfItsTriangles) {
   const TemporaryFolder folder;
   const Pyramid pyramid(sphere(folder));
-  const std::size_t finest = meshOf(pyramid, sphereQuery(0)).triangles.size();
-  EXPECT_LT(meshOf(pyramid, sphereQuery(0.25)).triangles.size(), finest / 5);
+  const std::size_t finest = meshOfQuery(pyramid, sphereQuery(0)).triangles.size();
+  EXPECT_LT(meshOfQuery(pyramid, sphereQuery(0.25)).triangles.size(), finest / 5);
 }
 
 TEST(Simplify, ThreadsDoNotChangeAByte) {
@@ -277,9 +277,9 @@ TEST(Simplify, ADistanceInTheWorldCountsThere) {
     geometry.spacing = glm::dvec3(spacing);
     const Pyramid pyramid(sphere(folder, geometry));
     Query query = sphereQuery(0.4);
-    const std::size_t in_voxels = meshOf(pyramid, query).triangles.size();
+    const std::size_t in_voxels = meshOfQuery(pyramid, query).triangles.size();
     query.simplify = SimplifyOptions{.distance = 0.4 * spacing, .in_world = true};
-    const std::size_t in_world = meshOf(pyramid, query).triangles.size();
+    const std::size_t in_world = meshOfQuery(pyramid, query).triangles.size();
     EXPECT_LT(in_world, in_voxels * 5 / 4);
     EXPECT_GT(in_world, in_voxels * 3 / 4);
   }
@@ -299,13 +299,14 @@ TEST(Simplify, DistancesThatAreNoneAreRefused) {
 TEST(Simplify, FindsTheDistanceForANumberOfTriangles) {
   const TemporaryFolder folder;
   const Pyramid pyramid(sphere(folder));
-  const std::size_t finest = meshOf(pyramid, sphereQuery(0)).triangles.size() / 3;
+  const std::size_t finest = meshOfQuery(pyramid, sphereQuery(0)).triangles.size() / 3;
   Extractor extractor(pyramid);
   EXPECT_FALSE(findSimplification(extractor, sphereQuery(0), finest));
   for (const std::size_t most : {finest / 2, finest / 5}) {
     const auto found = findSimplification(extractor, sphereQuery(0), most);
     ASSERT_TRUE(found);
-    const std::size_t count = meshOf(pyramid, sphereQuery(found->distance)).triangles.size() / 3;
+    const std::size_t count =
+        meshOfQuery(pyramid, sphereQuery(found->distance)).triangles.size() / 3;
     EXPECT_LE(count, most);
     EXPECT_GT(count, most * 9 / 10);
   }
@@ -320,15 +321,16 @@ TEST(Simplify, FindsTheLeastDistanceThatIsEnough) {
     return 12.25 - std::max({d.x, d.y, d.z, (d.x + d.y + d.z) / 1.7});
   }));
   Extractor extractor(pyramid);
-  const std::size_t finest = meshOf(pyramid, sphereQuery(0)).triangles.size() / 3;
+  const std::size_t finest = meshOfQuery(pyramid, sphereQuery(0)).triangles.size() / 3;
   for (const std::size_t most : {finest / 2, finest / 4, finest / 8}) {
     double least = 0;
     for (double distance = 1e-3; distance < 8 && least == 0; distance *= 2)
-      if (meshOf(pyramid, sphereQuery(distance)).triangles.size() / 3 <= most) least = distance;
+      if (meshOfQuery(pyramid, sphereQuery(distance)).triangles.size() / 3 <= most)
+        least = distance;
     const auto found = findSimplification(extractor, sphereQuery(0), most);
     ASSERT_TRUE(found);
     EXPECT_LE(found->distance, 4 * least) << most << " triangles";
-    EXPECT_LE(meshOf(pyramid, sphereQuery(found->distance)).triangles.size() / 3, most);
+    EXPECT_LE(meshOfQuery(pyramid, sphereQuery(found->distance)).triangles.size() / 3, most);
   }
 }
 
@@ -336,13 +338,13 @@ TEST(Simplify, FindsTheLeastDistanceThatIsEnough) {
 TEST(Simplify, FindsTheDistanceForAProgressiveQueryToo) {
   const TemporaryFolder folder;
   const Pyramid pyramid(sphere(folder));
-  const std::size_t most = meshOf(pyramid, sphereQuery(0)).triangles.size() / 15;
+  const std::size_t most = meshOfQuery(pyramid, sphereQuery(0)).triangles.size() / 15;
   Query progressive = sphereQuery(0);
   progressive.is_progressive = true;
   Extractor first(pyramid);
   const auto found = findSimplification(first, progressive, most);
   ASSERT_TRUE(found);
-  EXPECT_LE(meshOf(pyramid, sphereQuery(found->distance)).triangles.size() / 3, most);
+  EXPECT_LE(meshOfQuery(pyramid, sphereQuery(found->distance)).triangles.size() / 3, most);
 }
 
 TEST(Simplify, SmallPiecesGoIfThatIsAsked) {
@@ -364,7 +366,7 @@ TEST(Simplify, SmallPiecesGoIfThatIsAsked) {
     const auto piecesAt = [&](double distance, bool drop_small) {
       Query query = sphereQuery(0);
       query.simplify = SimplifyOptions{distance * spacing, spacing != 1.0, drop_small};
-      const IndexedMesh mesh = meshOf(pyramid, query);
+      const IndexedMesh mesh = meshOfQuery(pyramid, query);
       EXPECT_TRUE(checkMesh(mesh.positions, mesh.triangles, {}).ok());
       return trianglesOfComponents(mesh).size();
     };

@@ -165,8 +165,8 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
       pyramidsOf(arguments.attributes) + arguments.query.region.masks.size();
   const std::uint64_t memory_of_each = memory_bytes / 2 / std::max<std::uint64_t>(others, 1);
   AttributeFields fields(arguments.attributes, arguments.coloring,
-                         pyramidsOf(arguments.attributes) * memory_of_each,
-                         arguments.query.no_map, {});
+                         pyramidsOf(arguments.attributes) * memory_of_each, arguments.query.no_map,
+                         {});
   return runWithThreads(arguments.query.threads, [&]() -> std::optional<ExtractResults> {
     BrickStreamOptions options;
     options.open = [&] { return source != nullptr ? std::move(source) : open(); };

@@ -96,8 +96,7 @@ void packForClient(const PositionSteps& steps, SurfaceChunk& chunk) {
   header.surface = static_cast<std::uint16_t>(chunk.surface);
   header.level = static_cast<std::uint8_t>(chunk.level);
   header.origin = {origin.x, origin.y, origin.z};
-  const std::size_t kViews[] = {PackedChunk::kPositions, PackedChunk::kNormals,
-                                packed.triangles()};
+  const std::size_t kViews[] = {PackedChunk::kPositions, PackedChunk::kNormals, packed.triangles()};
   header.vertices = static_cast<std::uint32_t>(packed.views[PackedChunk::kPositions].count);
   header.triangles = static_cast<std::uint32_t>(chunk.triangles.size() / 3);
   for (std::size_t view = 0; view < 3; ++view)

@@ -35,7 +35,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-IndexedMesh meshOf(const Pyramid& pyramid, const Query& query) {
+IndexedMesh meshWithin(const Pyramid& pyramid, const Query& query) {
   IndexedMeshSink sink;
   extractIsosurface(pyramid, query, sink);
   return sink.takeMesh();
@@ -127,9 +127,9 @@ class SurfaceRegionTest : public testing::Test {
 
 TEST_F(SurfaceRegionTest, APlaneCutsABallStraight) {
   Query query;
-  const IndexedMesh whole = meshOf(*ball_, query);
+  const IndexedMesh whole = meshWithin(*ball_, query);
   query.region.half_spaces = {half_};
-  const IndexedMesh mesh = meshOf(*ball_, query);
+  const IndexedMesh mesh = meshWithin(*ball_, query);
   const MeshReport report = checkMesh(mesh.positions, mesh.triangles);
   EXPECT_NEAR(report.area, 2 * kPi * kRadius * kRadius, 0.005 * report.area);
   // The border is the circle of the plane and the sphere.
@@ -149,7 +149,7 @@ TEST_F(SurfaceRegionTest, ACapClosesHalfABall) {
   Query query;
   query.cap = true;
   query.region.half_spaces = {half_};
-  const IndexedMesh mesh = meshOf(*ball_, query);
+  const IndexedMesh mesh = meshWithin(*ball_, query);
   const MeshReport report = checkMesh(mesh.positions, mesh.triangles);
   EXPECT_TRUE(report.ok()) << report.summary();
   EXPECT_EQ(report.genus, 0);
@@ -176,11 +176,11 @@ TEST_F(SurfaceRegionTest, TheTwoSidesOfAPlaneAreTheBall) {
   double volume = 0;
   for (const double sign : {1.0, -1.0}) {
     query.region.half_spaces = {{sign * half_.normal, sign * (half_.offset - 12)}};
-    const IndexedMesh mesh = meshOf(*ball_, query);
+    const IndexedMesh mesh = meshWithin(*ball_, query);
     volume += checkMesh(mesh.positions, mesh.triangles).volume;
   }
   query.region = {};
-  const IndexedMesh whole = meshOf(*ball_, query);
+  const IndexedMesh whole = meshWithin(*ball_, query);
   const double all = checkMesh(whole.positions, whole.triangles).volume;
   EXPECT_NEAR(volume, all, 0.003 * all);
 }
@@ -191,11 +191,11 @@ TEST_F(SurfaceRegionTest, ASphereOfASlab) {
                               [&](const glm::dvec3& p) { return half - std::abs(p.z - middle); });
   Query query;
   query.region.balls = {{{24.2, 22.9, middle}, radius}};
-  const IndexedMesh open = meshOf(*slab, query);
+  const IndexedMesh open = meshWithin(*slab, query);
   const double disc = kPi * (radius * radius - half * half);
   EXPECT_NEAR(checkMesh(open.positions, open.triangles).area, 2 * disc, 0.005 * disc);
   query.cap = true;
-  const IndexedMesh mesh = meshOf(*slab, query);
+  const IndexedMesh mesh = meshWithin(*slab, query);
   const MeshReport report = checkMesh(mesh.positions, mesh.triangles);
   EXPECT_TRUE(report.ok()) << report.summary();
   const double volume = 2 * kPi * (radius * radius * half - half * half * half / 3);
@@ -235,11 +235,11 @@ class MaskRegionTest : public SurfaceRegionTest {
 TEST_F(MaskRegionTest, LabelsOfATurnedMaskShareABall) {
   Query query;
   query.cap = true;
-  const IndexedMesh whole = meshOf(*ball_, {});
+  const IndexedMesh whole = meshWithin(*ball_, {});
   double volume = 0;
   for (const double label : {7.0, 3.0}) {
     query.region.masks = {{mask_, label}};
-    const IndexedMesh mesh = meshOf(*ball_, query);
+    const IndexedMesh mesh = meshWithin(*ball_, query);
     const MeshReport report = checkMesh(mesh.positions, mesh.triangles);
     EXPECT_TRUE(report.ok()) << report.summary();
     EXPECT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
@@ -253,17 +253,17 @@ TEST_F(MaskRegionTest, LabelsOfATurnedMaskShareABall) {
   EXPECT_NEAR(volume, all, 0.004 * all);
   // All of it but for the border of the mask, which has the ball inside.
   query.region.masks = {{mask_, std::nullopt}};
-  EXPECT_EQ(meshOf(*ball_, query).triangles, whole.triangles);
+  EXPECT_EQ(meshWithin(*ball_, query).triangles, whole.triangles);
 }
 
 TEST_F(MaskRegionTest, WithoutCapsTrianglesOfTheWholeSurfaceStay) {
-  const IndexedMesh whole = meshOf(*ball_, {});
+  const IndexedMesh whole = meshWithin(*ball_, {});
   Query query;
   query.region.masks = {{mask_, 7.0}};
   const auto stays = [&](const glm::dvec3& p) {
     return has(glm::floor(p), 7) && has(glm::ceil(p), 7);
   };
-  const IndexedMesh mesh = meshOf(*ball_, query);
+  const IndexedMesh mesh = meshWithin(*ball_, query);
   EXPECT_EQ(trianglesOf(mesh, isAnywhere), trianglesOf(whole, stays));
   expectSound(mesh, isAnywhere);
   EXPECT_GT(mesh.triangles.size(), whole.triangles.size() / 3);
@@ -274,14 +274,14 @@ TEST_F(MaskRegionTest, CappedVerticesBesideNoCutHaveTheirBits) {
   const auto expectBits = [&](const Pyramid& pyramid) {
     Query query;
     query.isovalue = 100;
-    const IndexedMesh whole = meshOf(pyramid, query);
+    const IndexedMesh whole = meshWithin(pyramid, query);
     std::map<Place, glm::vec3> places;
     for (std::size_t v = 0; v < whole.positions.size(); ++v)
       places.emplace(placeOf(whole.positions[v]), whole.normals[v]);
     query.cap = true;
     query.region.masks = {{mask_, 3.0}};
     query.region.balls = {{kCenter + glm::dvec3(3, 2, 1), 13}};
-    const IndexedMesh mesh = meshOf(pyramid, query);
+    const IndexedMesh mesh = meshWithin(pyramid, query);
     EXPECT_TRUE(checkMesh(mesh.positions, mesh.triangles).ok());
     const auto isIn = [&](const glm::dvec3& p) {
       return has(p, 3) && glm::length(p - kCenter - glm::dvec3(3, 2, 1)) <= 13;
@@ -320,7 +320,7 @@ TEST_F(MaskRegionTest, CappedVerticesBesideNoCutHaveTheirBits) {
 TEST_F(MaskRegionTest, OtherWorldsAreRefused) {
   const auto messageOf = [&](const Query& query) -> std::string {
     try {
-      meshOf(*ball_, query);
+      meshWithin(*ball_, query);
     } catch (const Error& error) {
       return error.what();
     }
@@ -382,7 +382,7 @@ TEST(SurfaceRegionCases, RandomQueriesAreCutAlongTheWallsAlone) {
     const GridGeometry& geometry = pyramid.spec().geometry;
     query.region = randomRegion(random, pyramid);
     const std::vector<RegionWall> walls = wallsOf(query.region);
-    const IndexedMesh mesh = meshOf(pyramid, query);
+    const IndexedMesh mesh = meshWithin(pyramid, query);
     const glm::dvec3 last(pyramid.spec().voxels - Index3(1));
     // Steps of the level and slivers of triangles that were left out come on top of kNear.
     const auto isOpen = [&](const glm::dvec3& p) {
@@ -442,14 +442,14 @@ TEST(SurfaceRegionCases, RandomSolidsAreClosed) {
     query.isovalue = std::round(random.real(1, 180));
     query.cap = true;
     query.region = randomRegion(random, pyramid);
-    const IndexedMesh mesh = meshOf(pyramid, query);
+    const IndexedMesh mesh = meshWithin(pyramid, query);
     const MeshReport report = checkMesh(mesh.positions, mesh.triangles);
     // Marching cubes pinches no vertex, and neither do caps.
     EXPECT_TRUE(report.ok()) << report.summary();
     EXPECT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
 
     query.simplify = SimplifyOptions{0.5};
-    const IndexedMesh simple = meshOf(pyramid, query);
+    const IndexedMesh simple = meshWithin(pyramid, query);
     EXPECT_EQ(checkMesh(simple.positions, simple.triangles).open_edges, 0);
     query.simplify.reset();
 
