@@ -36,10 +36,11 @@ enum class MeshSpace {
 
 // Where a mesh lies. The default: in the world of its volume.
 struct MeshPlacement {
-  MeshSpace space = MeshSpace::kLps;
+  MeshSpace space = MeshSpace::kLps;  // its axes
   // "nm", "um", "mm", "cm", "m", "inch" or "ft"; empty: that of the volume, none of indices.
   std::string unit = {};
   glm::dvec3 shift{0.0};  // added last, in that space and unit
+  // Equal in all.
   bool operator==(const MeshPlacement&) const = default;
 
   // The place of the voxels of a volume there. Throws Error for a unit that is none of these, one
