@@ -55,7 +55,7 @@ def open_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]
     complaints: list[str] = []
 
     def open_one(fragment: str = "", **options: Any) -> Page:
-        settings: dict[str, Any] = {"viewport": {"width": 560, "height": 260}, "color_scheme": "dark"}
+        settings: dict[str, Any] = {"viewport": {"width": 660, "height": 300}, "color_scheme": "dark"}
         context = browser.new_context(**(settings | options))
         contexts.append(context)
         page = context.new_page()
@@ -153,7 +153,7 @@ def test_the_picture_is_that_of_render(
 def test_a_double_click_focuses_and_a_link_shows_the_same(open_page: Callable[..., Page]) -> None:
     page = open_page()
     pivot = view_of(page)["camera"]["pivot"]
-    page.locator("#scene").dblclick(position={"x": 130, "y": 120})
+    page.locator("#scene").dblclick(position={"x": 180, "y": 150})
     expect(page).not_to_have_url(page.url, timeout=WAIT)
     state = view_of(page)
     assert state["camera"]["pivot"] != pivot
@@ -183,9 +183,9 @@ def test_a_tab_without_the_key_asks_for_it(browser: Browser, server: Server) -> 
 def test_two_points_measure_what_lies_between_them(open_page: Callable[..., Page]) -> None:
     page = open_page()
     page.locator("#distance").click()
-    page.locator("#scene").click(position={"x": 110, "y": 120})
+    page.locator("#scene").click(position={"x": 160, "y": 150})
     page.wait_for_timeout(500)
-    page.locator("#scene").click(position={"x": 150, "y": 120})
+    page.locator("#scene").click(position={"x": 200, "y": 150})
     text = page.locator("#measurements output").inner_text(timeout=WAIT)
     a, b = view_of(page)["measurements"][0]["points"]
     assert float(text.split()[0]) == pytest.approx(np.linalg.norm(np.subtract(a, b)), rel=1e-3)

@@ -2,8 +2,7 @@
 // moves, its cap is of one grey, and gets its values when it rests.
 import type { SceneCap } from './scene_renderer';
 import { request } from './protocol';
-import type { Vec3 } from './vector';
-import { add, cornersOf, cross, dot, scale, subtract, unit } from './vector';
+import { add, cornersOf, cross, dot, scale, subtract, unit, type Vec3 } from './vector';
 import type { ViewClipPlane, ViewState, ViewVolume } from './view_state';
 
 const kRestMilliseconds = 120;
@@ -17,8 +16,7 @@ function capPlane(plane: ViewClipPlane, volume: ViewVolume): CapPlane | undefine
   const { normal, offset } = plane;
   const u = unit(cross(Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [0, 1, 0], normal));
   const v = cross(normal, u);
-  const index_corners = cornersOf({ lower: [0, 0, 0], upper: volume.last() });
-  const corners = index_corners.map((index) => volume.indexToWorld(index));
+  const corners = cornersOf({ lower: [0, 0, 0], upper: volume.last() }).map((index) => volume.indexToWorld(index));
   const range = (axis: Vec3): [number, number] => {
     const places = corners.map((corner) => dot(corner, axis));
     return [Math.min(...places), Math.max(...places)];

@@ -17,17 +17,12 @@ export interface ConnectionEvents {
 export class Connection {
   private socket: WebSocket | undefined;
   private is_ready = false;
-  private is_closed = false;
   private pause = kFirstPause;
   private wishes = 0;
   private wish: Wish | undefined;
   private timer = 0;
 
-  constructor(
-    private readonly volume: number,
-    private readonly token: string,
-    private readonly events: ConnectionEvents,
-  ) {
+  constructor(private readonly volume: number, private readonly token: string, private readonly events: ConnectionEvents) {
     addEventListener('online', this.retry);
     this.connect();
   }
@@ -47,15 +42,8 @@ export class Connection {
     if (this.is_ready) this.socket?.send(JSON.stringify({ type: 'shown', pass, seconds }));
   }
 
-  close(): void {
-    this.is_closed = true;
-    clearTimeout(this.timer);
-    removeEventListener('online', this.retry);
-    this.socket?.close();
-  }
-
   private readonly retry = (): void => {
-    if (this.is_closed || this.socket !== undefined) return;
+    if (this.socket !== undefined) return;
     clearTimeout(this.timer);
     this.connect();
   };
@@ -71,7 +59,6 @@ export class Connection {
       this.events.begun();
     };
     socket.onmessage = ({ data }: MessageEvent<ArrayBuffer | string>) => {
-      if (this.is_closed) return;
       if (typeof data !== 'string') return this.events.chunk(data);
       const message = JSON.parse(data) as ServerMessage;
       this.events.message(message);
@@ -82,7 +69,6 @@ export class Connection {
     socket.onclose = ({ code }) => {
       this.is_ready = false;
       this.socket = undefined;
-      if (this.is_closed) return;
       if (code === 1011 || code === 1008) return this.events.refused();
       this.events.lost();
       this.timer = setTimeout(this.retry, this.pause);

@@ -175,6 +175,7 @@ export class Page implements Host {
   private frame(panel: Panel, seconds: number): void {
     const { shown, has_more } = this.surfaces.pump(this.facts.position_step);
     for (const { show } of shown) this.noteShow(show);
+    if (this.is_fine) this.own_camera = undefined; // from now on it is the user's
     this.sendWish();
     this.renderer.draw(this.frameOf());
     for (const { show, seconds: passed } of shown) this.connection.noteShown(show.pass, passed);
@@ -191,6 +192,7 @@ export class Page implements Host {
 
   private noteShow(show: Show): void {
     this.passed = show;
+    this.say('trouble', '');
     this.tell(show.limited);
     if (this.own_camera === undefined || this.own_camera !== this.state.camera) return;
     this.own_camera = this.framedCamera();

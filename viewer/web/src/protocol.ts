@@ -71,10 +71,7 @@ export async function request(path: string, token: string): Promise<Response> {
 }
 
 export class RequestError extends Error {
-  constructor(
-    readonly status: number,
-    message: string,
-  ) {
+  constructor(readonly status: number, message: string) {
     super(message);
   }
 }

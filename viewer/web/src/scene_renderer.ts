@@ -3,8 +3,8 @@
 import * as three from 'three';
 import { depthRangeOf, type Place, type PlacedCamera } from './camera';
 import * as shaders from './shaders';
-import type { Box, Mat3, Vec3 } from './vector';
 import { dot, inverse, length, mapped, product, subtract, times, transposed } from './vector';
+import type { Box, Mat3, Vec3 } from './vector';
 
 // A chunk as the GPU takes it: position = origin + step * positions, in the lattice of the voxels.
 export interface DrawnChunk {

@@ -4,8 +4,7 @@ import type { UnpackedChunk } from './chunk_message';
 import type { DecoderPool } from './decoder_pool';
 import type { Range, Show } from './protocol';
 import type { SceneRenderer } from './scene_renderer';
-import type { Box, Vec3 } from './vector';
-import { add, mapped, scale } from './vector';
+import { add, mapped, scale, type Box, type Vec3 } from './vector';
 
 // Of a frame, so that it stays far below 50 ms on a slow machine.
 const kMostBytes = 2 << 20;
