@@ -148,11 +148,12 @@ AttributeFields::AttributeFields(const std::vector<AttributeOptions>& options,
   }
 }
 
-const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options, double isovalue,
-                                             const Pyramid& pyramid, Extractor* extractor) {
+const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options,
+                                             const QueryOptions& query, const Pyramid& pyramid,
+                                             Extractor* extractor) {
   std::string what;
   if (options.kind == AttributeKind::kThickness)
-    what = fmt::format("thickness {} {}", isovalue, options.limit.value_or(0));
+    what = fmt::format("thickness {} {}", query.isovalue, options.limit.value_or(0));
   else if (options.kind == AttributeKind::kValueDistance)
     what = fmt::format("isovalue {}", *options.limit);
   else
@@ -160,19 +161,20 @@ const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options, do
   std::unique_ptr<const VertexValues>& field = fields_[what];
   if (field == nullptr && options.kind == AttributeKind::kThickness) {
     field = std::make_unique<WallThickness>(
-        pyramid, isovalue, options.limit.value_or(std::numeric_limits<double>::infinity()));
+        pyramid, query.isovalue, options.limit.value_or(std::numeric_limits<double>::infinity()),
+        insideOf(query, pyramid));
   } else if (field == nullptr) {
-    Query query;
-    query.isovalue = *options.limit;
-    query.cancel = &interruptFlag();
+    Query other;
+    other.isovalue = *options.limit;
+    other.cancel = &interruptFlag();
     IndexedMeshSink sink;
-    extractor->extract(query, sink);
+    extractor->extract(other, sink);
     field = std::make_unique<MeshDistance>(sink.takeMesh());
   }
   return field.get();
 }
 
-SurfaceAttributes AttributeFields::of(double isovalue, const Pyramid& pyramid,
+SurfaceAttributes AttributeFields::of(const QueryOptions& query, const Pyramid& pyramid,
                                       Extractor* extractor) {
   SurfaceAttributes surface;
   for (std::size_t i = 0; i < options_.size(); ++i) {
@@ -182,7 +184,7 @@ SurfaceAttributes AttributeFields::of(double isovalue, const Pyramid& pyramid,
     if (options.isOfPyramid())
       attribute.values = sampled_[i].get();
     else if (options.kind != AttributeKind::kComponent)
-      attribute.values = fieldOf(options, isovalue, pyramid, extractor);
+      attribute.values = fieldOf(options, query, pyramid, extractor);
     if (options.kind == AttributeKind::kNearest) attribute.type = labelTypeOf(*pyramids_[i]);
     if (options.kind == AttributeKind::kComponent) attribute.type = AttributeType::kUint32;
     surface.attributes.push_back(attribute);

@@ -14,6 +14,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "tools/query_options.h"
 #include "tools/volume_input.h"
 
 namespace isobrick {
@@ -63,11 +64,12 @@ class AttributeFields {
   AttributeFields(const std::vector<AttributeOptions>& options, const ColoringOptions& coloring,
                   std::uint64_t memory_bytes, bool no_map, const RemoteOptions& remote);
 
-  // Of the surface at an isovalue. `extractor`: of its pyramid; null if none isOfSurface().
-  SurfaceAttributes of(double isovalue, const Pyramid& pyramid, Extractor* extractor);
+  // Of the surface at query.isovalue, with query.inside. `extractor`: of its pyramid; null if none
+  // isOfSurface().
+  SurfaceAttributes of(const QueryOptions& query, const Pyramid& pyramid, Extractor* extractor);
 
  private:
-  const VertexValues* fieldOf(const AttributeOptions& options, double isovalue,
+  const VertexValues* fieldOf(const AttributeOptions& options, const QueryOptions& query,
                               const Pyramid& pyramid, Extractor* extractor);
   VertexColors colorsOf(const SurfaceAttributes& attributes) const;
 

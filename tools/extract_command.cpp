@@ -37,8 +37,8 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
                          Extractor& extractor, AttributeFields& fields, const std::string& output,
                          std::unique_ptr<MeshFileSink> sink_of_all) {
   ProgressBar bar(0, "million triangles");
-  ExtractedSurface surface(arguments, pyramid,
-                           fields.of(arguments.query.isovalue, pyramid, &extractor), output, bar);
+  ExtractedSurface surface(arguments, pyramid, fields.of(arguments.query, pyramid, &extractor),
+                           output, bar);
   if (sink_of_all) surface.writeTo(std::move(sink_of_all));
   Query& query = surface.query();
   if (arguments.most_triangles)

@@ -97,7 +97,7 @@ std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
     throw UsageError(
         "--together goes with attributes that are the same field for all surfaces; leave out "
         "thickness and distance, or --together");
-  const auto attributes = fields.of(*arguments.query.isovalues.front(), pyramid, nullptr);
+  const auto attributes = fields.of(arguments.query, pyramid, nullptr);
   return makeMeshCollection(arguments.output, fileOptionsOf(arguments, pyramid, attributes));
 }
 

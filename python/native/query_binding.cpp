@@ -263,8 +263,8 @@ struct HeldValues : VertexValues {
   PyramidValues field;
 };
 struct HeldThickness : VertexValues {
-  HeldThickness(std::shared_ptr<const Pyramid> of, double isovalue, double most)
-      : pyramid(std::move(of)), field(*pyramid, isovalue, most) {}
+  HeldThickness(std::shared_ptr<const Pyramid> of, const Query& query, double most)
+      : pyramid(std::move(of)), field(*pyramid, query.isovalue, most, query.inside) {}
   void evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3> normals,
                 std::span<double> out) const override {
     field.evaluate(world, normals, out);
@@ -274,7 +274,7 @@ struct HeldThickness : VertexValues {
 };
 
 // `pyramid` and `extractor`: of the surface; null if there is none.
-MeshField fieldOf(const FieldWish& wish, double isovalue,
+MeshField fieldOf(const FieldWish& wish, const Query& query,
                   const std::shared_ptr<const Pyramid>& pyramid, Extractor* extractor,
                   const CancelFlag& cancel) {
   if (wish.isOfSurface() && extractor == nullptr)
@@ -288,7 +288,7 @@ MeshField fieldOf(const FieldWish& wish, double isovalue,
     field.type = labelTypeOf(*wish.pyramid);
   } else if (wish.kind == "thickness") {
     field.values = std::make_shared<HeldThickness>(
-        pyramid, isovalue, wish.number.value_or(std::numeric_limits<double>::infinity()));
+        pyramid, query, wish.number.value_or(std::numeric_limits<double>::infinity()));
   } else if (!wish.path.empty()) {
     field.values = std::make_shared<MeshDistance>(readMeshFile(wish.path));
   } else {
@@ -302,12 +302,12 @@ MeshField fieldOf(const FieldWish& wish, double isovalue,
   return field;
 }
 
-std::vector<MeshField> fieldsOf(const std::vector<FieldWish>& wishes, double isovalue,
+std::vector<MeshField> fieldsOf(const std::vector<FieldWish>& wishes, const Query& query,
                                 const std::shared_ptr<const Pyramid>& pyramid, Extractor* extractor,
                                 const CancelFlag& cancel) {
   std::vector<MeshField> fields;
   for (const FieldWish& wish : wishes)
-    fields.push_back(fieldOf(wish, isovalue, pyramid, extractor, cancel));
+    fields.push_back(fieldOf(wish, query, pyramid, extractor, cancel));
   return fields;
 }
 
@@ -464,7 +464,7 @@ class Session {
       query.cancel = &state.cancel();
       query.fraction_done = &state.fraction();
       std::vector<MeshField> fields =
-          fieldsOf(wishes, query.isovalue, pyramid_, &extractor(), state.cancel());
+          fieldsOf(wishes, query, pyramid_, &extractor(), state.cancel());
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
@@ -501,7 +501,7 @@ class Session {
       query.cancel = &state.cancel();
       query.fraction_done = &state.fraction();
       const std::vector<MeshField> fields =
-          fieldsOf(wishes, query.isovalue, pyramid_, &extractor(), state.cancel());
+          fieldsOf(wishes, query, pyramid_, &extractor(), state.cancel());
       const ExtractionPlan plan = extractor().plan(query);
       const ShareNumber share = part.value_or(ShareNumber());
       const auto sink = is_share ? makeMeshShareSink(path, *pyramid_, plan, share, &state.cancel())
@@ -625,8 +625,7 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
   runInterruptibly(call, [&](CallState& state) {
     query.cancel = &state.cancel();
     query.fraction_done = &state.fraction();
-    std::vector<MeshField> fields =
-        fieldsOf(wishes, query.isovalue, nullptr, nullptr, state.cancel());
+    std::vector<MeshField> fields = fieldsOf(wishes, query, nullptr, nullptr, state.cancel());
     const ExtractionReport report = extract(query, mesh->surface(), state);
     mesh->filled(frameOf(info.geometry, info.voxels, query), report, std::move(fields));
   });
