@@ -30,7 +30,8 @@ std::uint64_t keptBytes(const PlacedBatch& placed) {
 
 std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
   if (!context.query.simplify) return std::nullopt;
-  return SimplifySpace::of(*context.query.simplify, context.pyramid.spec().geometry);
+  return SimplifySpace::of(*context.query.simplify, context.pyramid.spec().geometry,
+                           context.pyramid.spec().voxels);
 }
 
 }  // namespace

@@ -452,7 +452,7 @@ std::uint64_t mergeGroups(const ShareList& list, TriangleSink& sink, const Cance
   const ShareHeader& header = list.shares().front().header;
   const SimplifySpace space = SimplifySpace::of(
       {.distance = header.simplify_distance, .in_world = header.simplify_in_world == 1},
-      list.frame().geometry);
+      list.frame().geometry, list.frame().voxels);
   RecordReader reader(list);
   MergedBatch merged;
   GroupSorter sorter(header.brick_cells);

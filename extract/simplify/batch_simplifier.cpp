@@ -33,7 +33,7 @@ constexpr std::uint32_t kNone = CornerTable::kNone;
 // Where triangles cross, the distance becomes a quarter so often, and then 0.
 constexpr std::uint8_t kMostNarrowings = 3;
 
-// Sides of the batch's box that a vertex lies in: two bits an axis.
+// Sides of a box that a vertex lies in: two bits an axis.
 unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::vec3& upper) {
   unsigned sides = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -45,12 +45,14 @@ unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::v
 
 }  // namespace
 
-SimplifySpace SimplifySpace::of(const SimplifyOptions& options, const GridGeometry& geometry) {
+SimplifySpace SimplifySpace::of(const SimplifyOptions& options, const GridGeometry& geometry,
+                                const Index3& voxels) {
   // The world in units of the least spacing: squares of squares of its own might leave the floats.
   const double unit = geometry.leastSpacing();
   SimplifySpace space{
       .distance = static_cast<float>(options.in_world ? options.distance / unit : options.distance),
-      .drops_small = options.drop_small};
+      .drops_small = options.drop_small,
+      .voxels = voxels};
   const glm::dvec3& spacing = geometry.spacing;
   if (spacing == glm::dvec3(unit)) return space;
   // Turned as the index axes are.
@@ -448,6 +450,11 @@ bool BatchSimplifier::collapseBorders(const CancelFlag* cancel, const MeshBatch&
   return has_changed;
 }
 
+unsigned BatchSimplifier::bordersOf(const MeshBatch& batch, std::uint32_t vertex) const {
+  return sidesOf(batch.positions[vertex], glm::vec3(-batch.origin),
+                 glm::vec3(space_.voxels - Index3(1) - batch.origin));
+}
+
 // The vertex is moved to the line between its neighbours, which carries all points of its triangles
 // along by a part of that way; then the region is the same with it and without it.
 bool BatchSimplifier::collapseBorder(std::uint32_t corner, const MeshBatch& batch,
@@ -459,8 +466,8 @@ bool BatchSimplifier::collapseBorder(std::uint32_t corner, const MeshBatch& batc
                       first = table_.vertex(CornerTable::next(corner)),
                       other = table_.vertex(CornerTable::previous(last));
   if (first == other || vertices_[first].is_broken || vertices_[other].is_broken) return false;
-  const auto sides = [&](std::uint32_t v) { return sidesOf(batch.positions[v], lower_, upper_); };
-  if ((sides(gone) & sides(first) & sides(other)) == 0) return false;
+  if ((bordersOf(batch, gone) & bordersOf(batch, first) & bordersOf(batch, other)) == 0)
+    return false;
   const glm::vec3 &from = vertices_[first].position, &at = vertices_[gone].position;
   const glm::vec3 along = vertices_[other].position - from;
   const float part = glm::dot(at - from, along) / glm::dot(along, along);

@@ -29,7 +29,10 @@ struct SimplifySpace {
   glm::mat3 to_space{1.0f};   // from voxels
   glm::mat3 to_voxels{1.0f};  // back
 
-  static SimplifySpace of(const SimplifyOptions& options, const GridGeometry& geometry);
+  Index3 voxels{0};  // of level 0
+
+  static SimplifySpace of(const SimplifyOptions& options, const GridGeometry& geometry,
+                          const Index3& voxels);
 };
 
 // Simplifies batches one after the other, with memory that goes round. The result depends on the
@@ -40,7 +43,7 @@ struct SimplifySpace {
 // surface is nearly flat, then both ends of an edge, those of the least sum before others. They
 // stay apart if a point might come further from where it was than the distance (DeviationBound).
 // Vertices that other batches have among them never move, so batches fit each other. A vertex of
-// the surface's border in a side of the batch's box may become one with its neighbour there. If
+// the surface's border in the volume's border may become one with its neighbour there. If
 // triangles of what is left cross, the batch is simplified again, within less distance around them,
 // and in the end as it was there.
 class BatchSimplifier {
@@ -135,6 +138,8 @@ class BatchSimplifier {
   bool mayBeElsewhere(const MeshBatch& batch, std::uint32_t a, std::uint32_t b) const;
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
   bool keepsBordersApart(const MeshBatch& batch) const;
+  // Sides of the volume in which the vertex lies: two bits an axis.
+  unsigned bordersOf(const MeshBatch& batch, std::uint32_t vertex) const;
   void write(MeshBatch& batch);
   // After write().
   void writeRemains(SimplifyRemains& remains) const;

@@ -39,6 +39,7 @@ ViewState fullState() {
   state.ambient_occlusion = true;
   state.shadow = true;
   state.pictures = {true, 3, true, true, true};
+  for (ViewSurface& surface : state.surfaces) surface.inside = InsideOf::kBelow;
   for (ViewSurface& surface : state.surfaces)
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
   state.piece_measures = {{1.0, 2, 3.0, 4.0, {5, 6, 7}, {8, 9, 10}, {11, 12, 13}, {14, 15, 16}}};
