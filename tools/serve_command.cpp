@@ -54,6 +54,9 @@ ServedVolume namedAfter(const std::string& path) {
 
 // The volumes of a folder, or the folder as one.
 std::vector<ServedVolume> volumesAt(const std::string& path) {
+  if (!isRemotePath(path) && !isVolume(path) && !isPresent(path))
+    throw Error(fmt::format("cannot open '{}': No such file or directory; check the path", path),
+                {.path = path});
   std::vector<ServedVolume> volumes;
   if (!isRemotePath(path) && isFolder(path) && !isListedVolume(path)) {
     const FolderListing listing = listFolder(path, interruptFlag());

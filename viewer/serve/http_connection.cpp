@@ -66,10 +66,7 @@ const PageFile* pageFile(std::string_view name) {
 std::string localHost(const beast::tcp_stream& stream) {
   HttpError error;
   const auto local = stream.socket().local_endpoint(error);
-  if (error) return {};
-  const std::string address = local.address().to_string();
-  return (local.address().is_v6() ? "[" + address + "]" : address) + ":" +
-         std::to_string(local.port());
+  return error ? std::string() : hostText(local);
 }
 
 // The key among "isobrick.1, token.KEY"; empty: not this protocol.

@@ -19,13 +19,6 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::tcp;
 
-// "127.0.0.1:8080", "[::1]:8080"
-std::string hostText(const tcp::endpoint& endpoint) {
-  const std::string address = endpoint.address().to_string();
-  return (endpoint.address().is_v6() ? "[" + address + "]" : address) + ":" +
-         std::to_string(endpoint.port());
-}
-
 // What is sent waits here, where a newer wish can still take its place, rather than in the system.
 void setSocketOptions(tcp::socket& socket) {
   boost::system::error_code ignored;
@@ -128,6 +121,12 @@ class Server {
 };
 
 }  // namespace
+
+std::string hostText(const tcp::endpoint& endpoint) {
+  const std::string address = endpoint.address().to_string();
+  return (endpoint.address().is_v6() ? "[" + address + "]" : address) + ":" +
+         std::to_string(endpoint.port());
+}
 
 ServeSummary runServer(ServeOptions options) { return Server(std::move(options)).run(); }
 

@@ -56,6 +56,8 @@ struct ServerState {
 
 using HttpRequest = boost::beast::http::request<boost::beast::http::empty_body>;
 
+// "127.0.0.1:8080", "[::1]:8080"
+std::string hostText(const boost::asio::ip::tcp::endpoint& endpoint);
 // Reads requests and answers them.
 void startHttpConnection(boost::asio::ip::tcp::socket socket, ServerState& state);
 // Goes on with a request that was checked, as a stream of that volume. Counts as a connection.

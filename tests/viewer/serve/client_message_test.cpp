@@ -94,7 +94,7 @@ TEST(ClientMessage, RandomBytesAreRefusedOrBounded) {
   const ViewVolume volume = volumeOfMessages();
   test::Random random(50);
   int wishes = 0;
-  for (int i = 0; i < test::repetitions(100'000); ++i) {
+  for (int i = 0; i < test::repetitions(40'000); ++i) {
     std::string text = seeds[test::randomBelow(random, seeds.size())];
     for (std::uint64_t edits = test::randomBelow(random, 4); edits > 0 && !text.empty(); --edits) {
       const std::size_t at = test::randomBelow(random, text.size());

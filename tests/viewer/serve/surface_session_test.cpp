@@ -146,7 +146,7 @@ TEST_F(SurfaceSessionTest, AnyWishesEndInTheLastOne) {
   test::Random random(5);
   for (int i = 0; i < 30; ++i) {
     wish(R"({"type":"wish","wish":)" + std::to_string(i) + R"(,"surfaces":[{"iso":)" +
-         std::to_string(test::randomReal(random, -8, 8)) + R"(}],"focus":[)" +
+         std::to_string(test::randomReal(random, -3, 8)) + R"(}],"focus":[)" +
          std::to_string(test::randomInt(random, 0, 80)) + R"(,20,30],"radius":)" +
          std::to_string(test::randomInt(random, 1, 40)) + "}");
     for (int frames = 0; frames < test::randomInt(random, 0, 20); ++frames) {
