@@ -106,11 +106,11 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       "again. Focus, curvature, eye and level that are given together leave cells coarse together");
   beginGroup(app, kSurfaceGroup);
   addBoxOption(app, options.box);
-  app.add_flag("--cap", options.cap,
-               "Close the surface where it leaves the volume, or the box of --box, or where "
-               "--mask, --clip and --sphere cut it, as if all values "
-               "beyond were outside: the mesh is that of a solid. The box grows until it cuts no "
-               "cell. Beside voxels without data (--mask-nan) the surface stays open");
+  app.add_flag(
+      "--cap", options.cap,
+      "Close the surface where it leaves the volume, or the part of it that is asked for, as if "
+      "all values beyond were outside: the mesh is that of a solid. A --box grows until it cuts no "
+      "cell. Beside voxels without data (--mask-nan) the surface stays open");
   app.add_flag("--world", options.world,
                "--focus, --radius and --box are in world units. The radius is divided by the least "
                "spacing, so that the whole world sphere is of the finest level; on an oblique "

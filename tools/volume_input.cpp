@@ -54,8 +54,9 @@ constexpr VolumeWord kVolumeWords[] = {
 
 constexpr VolumeWord kDerivationWords[] = {
     {"--label", "ID",
-     "The surface of a label of an integer volume: half way between its voxels and all others; in "
-     "place of --iso. 'isobrick extract' takes several, 3,7. Neighbours have walls of their own"},
+     "The surface of a label of an integer volume: half way between its voxels and all others; no "
+     "isovalue is needed. 'isobrick extract' takes several, 3,7. Neighbours have walls of their "
+     "own"},
     {"--denoise", "SIGMA",
      "Smooth the volume, or the label, first: a Gaussian of so many voxels, sharpened so that "
      "round shapes keep their size; up to 10"},
