@@ -110,7 +110,7 @@ int runServeCommand(ServeArguments& arguments) {
   options.on_ready = [](const std::string& url) {
     if (!hasPage())
       fmt::print(stderr,
-                 "isobrick: this build has no page: run 'npm ci && npm run build' in viewer/web, "
+                 "isobrick: this build has no page: run tools/web_page.sh, "
                  "and build isobrick again\n");
     fmt::print("{}\n", url);
     std::fflush(stdout);
