@@ -17,16 +17,18 @@
 namespace isobrick {
 namespace {
 
-// The greatest value that is outside of the surface.
-float valueBelow(float isovalue) {
-  return std::nextafter(isovalue, -std::numeric_limits<float>::infinity());
-}
-
 class SolidSupply final : public BrickSupply {
  public:
-  SolidSupply(const Pyramid& volume, const RegionField& field, float isovalue,
-              const CancelFlag* cancel)
-      : volume_(volume), field_(field), isovalue_(isovalue), cancel_(cancel) {}
+  SolidSupply(const Pyramid& volume, const RegionField& field, const Query& query)
+      : volume_(volume),
+        field_(field),
+        cancel_(query.cancel),
+        is_below_(query.inside == InsideOf::kBelow),
+        isovalue_(volume.storedIsovalue(query.isovalue)),
+        outside_(is_below_ ? isovalue_
+                           : std::nextafter(isovalue_, -std::numeric_limits<float>::infinity())) {}
+
+  float outside() const { return outside_; }
 
   ValueRange range(const Index3& brick) const override {
     return cutRange(volume_.brickRange(0, brick), volume_.layout().brickCellBox(0, brick));
@@ -61,7 +63,8 @@ class SolidSupply final : public BrickSupply {
     std::vector<MaskReader> readers = field_.readers(cancel_);
     float* value = values;
     forEachIndex(samples.box, [&](const Index3& voxel) {
-      if (*value >= isovalue_ && !field_.has(voxel, readers)) *value = valueBelow(isovalue_);
+      const bool is_inside = is_below_ ? *value < isovalue_ : *value >= isovalue_;
+      if (is_inside && !field_.has(voxel, readers)) *value = outside_;
       ++value;
     });
     for (const MaskReader& reader : readers) reader.throwIfReadsFailed();
@@ -72,28 +75,32 @@ class SolidSupply final : public BrickSupply {
   ValueRange cutRange(const ValueRange& range, const IndexBox& cells) const {
     const BoxSide side = field_.sideOf(cells.first, cells.end());
     if (side == BoxSide::kInside) return range;
-    const float outside = valueBelow(isovalue_);
-    return {std::min(range.min, outside),
-            side == BoxSide::kOutside ? std::min(range.max, outside) : range.max};
+    ValueRange cut = range;
+    if (side == BoxSide::kOutside && is_below_) cut.min = std::max(cut.min, outside_);
+    if (side == BoxSide::kOutside && !is_below_) cut.max = std::min(cut.max, outside_);
+    cut.include(outside_);
+    return cut;
   }
 
   const Pyramid& volume_;
   const RegionField& field_;
-  const float isovalue_;
   const CancelFlag* const cancel_;
+  const bool is_below_;  // the inside, of the isovalue
+  const float isovalue_;
+  const float outside_;  // nearest to it
 };
 
 }  // namespace
 
 std::unique_ptr<const Pyramid> solidPyramid(const Pyramid& volume, const RegionField& field,
-                                            float isovalue, const CancelFlag* cancel) {
+                                            const Query& query) {
   PyramidSpec spec = volume.spec();
   spec.voxel_type = VoxelType::kFloat32;
   spec.has_curvature = false;
+  const auto supply = std::make_shared<SolidSupply>(volume, field, query);
   ValueRange values = volume.valueRange();
-  values.include(valueBelow(isovalue));
-  return std::make_unique<const Pyramid>(
-      volume.path(), spec, values, std::make_shared<SolidSupply>(volume, field, isovalue, cancel));
+  values.include(supply->outside());
+  return std::make_unique<const Pyramid>(volume.path(), spec, values, supply);
 }
 
 SolidCrossings::SolidCrossings(const RegionField& field, const GridGeometry& geometry,

@@ -10,6 +10,7 @@
 #include <memory>
 #include <vector>
 
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/region/region_field.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
@@ -17,10 +18,10 @@
 
 namespace isobrick {
 
-// Level 0 of `volume` as float32; voxels outside of the region that are inside of the surface are
-// the next value below `isovalue`, as stored. All outlive it; `cancel` may be null.
+// Level 0 of `volume` as float32; voxels outside of the region that are inside of the surface have
+// the value outside that is nearest to the isovalue. All outlive it.
 std::unique_ptr<const Pyramid> solidPyramid(const Pyramid& volume, const RegionField& field,
-                                            float isovalue, const CancelFlag* cancel);
+                                            const Query& query);
 
 // By one thread at a time.
 class SolidCrossings {

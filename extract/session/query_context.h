@@ -29,10 +29,7 @@ class QueryContext {
       : region_(query.region.isEverywhere()
                     ? nullptr
                     : std::make_unique<const RegionField>(query.region, pyramid)),
-        solid_(region_ != nullptr && query.cap
-                   ? solidPyramid(pyramid, *region_, pyramid.storedIsovalue(query.isovalue),
-                                  query.cancel)
-                   : nullptr),
+        solid_(region_ != nullptr && query.cap ? solidPyramid(pyramid, *region_, query) : nullptr),
         pyramid_(solid_ != nullptr ? *solid_ : pyramid),
         oracles_(oraclesOf(pyramid_, query)),
         frame_(pyramid_.spec().geometry, pyramid_.valueRange(), query.inside),
