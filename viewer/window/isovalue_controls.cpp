@@ -130,9 +130,12 @@ void isovalueControls(ViewSession& session, float scale) {
   explain("Of the active surface. The left and right arrows move it, with Shift faster.");
   InsideOf& inside = activeSurface(state).inside;
   bool is_below = inside == InsideOf::kBelow;
-  ImGui::SameLine();
-  if (ImGui::Checkbox("below", &is_below)) inside = is_below ? InsideOf::kBelow : InsideOf::kAbove;
+  if (ImGui::Checkbox("inside below", &is_below))
+    inside = is_below ? InsideOf::kBelow : InsideOf::kAbove;
   explain("The inside is where values are below the isovalue: a dark object, or a level set.");
+  ImGui::SameLine();
+  ImGui::Checkbox("caps", &state.capped);
+  explain("Surfaces are closed at the border of the volume, in mesh files too.");
   contourSpectrum(session, scale);
   suggestions(session);
 }

@@ -254,9 +254,6 @@ void detailControls(ViewSession& session) {
   }
   optionalSlider("cells under", state.view_pixels, 2.0, 0.5, 50.0, "%.1f pixels");
   explain("Coarser where cells are that small in the picture.");
-  ImGui::Checkbox("caps", &state.capped);
-  explain("Surfaces are closed at the border of the volume, in mesh files too.");
-  ImGui::SameLine();
   ImGui::Checkbox("wireframe", &state.wireframe);
   explain("The edges of the triangles (W).");
   ImGui::SameLine();

@@ -21,8 +21,8 @@ namespace {
 // that the headings above stay where they are; the others are further down.
 constexpr char kScript[] = R"({"size": [640, 640], "steps": [
     {"wait": "settled"}, {"move": [500, 40]}, {"wait": 0.6}, {"frame": "first.png"},
-    {"click": [150, 547]}, {"click": [150, 491]}, {"click": [150, 407]},
-    {"click": [150, 547]}, {"click": [150, 491]}, {"move": [150, 580]}, {"wheel": -4}, {"move": [500, 40]},
+    {"click": [150, 575]}, {"click": [150, 519]}, {"click": [150, 435]},
+    {"click": [150, 575]}, {"click": [150, 519]}, {"move": [150, 580]}, {"wheel": -4}, {"move": [500, 40]},
     {"wait": 0.6}, {"frame": "sections.png"},
     {"key": "H"}, {"wait": 0.6}, {"frame": "keys.png"}, {"key": "H"},
     {"key": "U"}, {"wait": "settled"}, {"wait": 0.6}, {"frame": "slices.png"}]})";
