@@ -113,6 +113,13 @@ struct SurfaceChoice : DetailChoice {
   // order; for tests.
   bool cull_by_ranges = true;
   bool operator==(const SurfaceChoice&) const = default;
+
+  // True if all of the surface is of level 0.
+  bool isOfLevelZero() const {
+    DetailChoice finest;
+    if (uniform_level == 0) finest.uniform_level = 0;
+    return static_cast<const DetailChoice&>(*this) == finest && or_finer.empty();
+  }
 };
 
 // A surface, and how it is delivered.

@@ -9,7 +9,6 @@
 #include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/extract/region/region_cutter.h"
 #include "isobrick/extract/region/region_solid.h"
-#include "isobrick/extract/session/query_context.h"
 #include "isobrick/storage/isolated_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -175,11 +174,6 @@ void JobBoard::fail() {
     has_failed_ = true;
   }
   changed_.notify_all();
-}
-
-bool simplifiesGroups(const Query& query) {
-  return query.simplify && isOfLevelZero(query) && query.region.isEverywhere() &&
-         !query.has_brick && !query.is_progressive;
 }
 
 std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const TriangleSink& sink) {

@@ -127,9 +127,6 @@ struct WorkPart {
   double at(double share) const { return begin + share * (end - begin); }
 };
 
-// True if what bricks share is simplified too, while they are meshed or later.
-bool simplifiesGroups(const Query& query);
-
 // The groups of a query that simplifies them while it is meshed, or null. With groups the work is
 // in the order of the brick table.
 std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const TriangleSink& sink);

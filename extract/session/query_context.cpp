@@ -85,18 +85,12 @@ void checkChoice(const Pyramid& pyramid, const DetailChoice& choice) {
 
 // Level 0 that lies elsewhere has no levels, ranges and parts to choose by.
 void checkIsFinest(const Pyramid& pyramid, const Query& query) {
-  if (isOfLevelZero(query) && !query.is_progressive) return;
+  if (query.isOfLevelZero() && !query.is_progressive) return;
   throw Error("'" + pyramid.path() + "' has no coarser levels; ask for level 0, or build a pyramid",
               {.path = pyramid.path()});
 }
 
 }  // namespace
-
-bool isOfLevelZero(const SurfaceChoice& choice) {
-  DetailChoice finest;
-  if (choice.uniform_level == 0) finest.uniform_level = 0;
-  return static_cast<const DetailChoice&>(choice) == finest && choice.or_finer.empty();
-}
 
 void checkQuery(const Pyramid& pyramid, const Query& query) {
   if (pyramid.parts().isSupplied()) checkIsFinest(pyramid, query);
@@ -107,7 +101,7 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
   if (query.box) checkBox(*query.box);
   if (!query.region.isEverywhere()) {
     const RegionField checked(query.region, pyramid);
-    if (query.cap && (!isOfLevelZero(query) || query.is_progressive))
+    if (query.cap && (!query.isOfLevelZero() || query.is_progressive))
       throw Error("caps where a region cuts need level 0 everywhere; ask for that, or for no caps");
   }
   if (query.cap && query.box && query.is_progressive)

@@ -16,9 +16,6 @@ namespace isobrick {
 // other, and if the pyramid lacks what the query needs.
 void checkQuery(const Pyramid& pyramid, const Query& query);
 
-// True if the choice is level 0 everywhere.
-bool isOfLevelZero(const SurfaceChoice& choice);
-
 // The inputs of the workers of one query. Their pyramid is that of the object within the region, if
 // it is to be capped.
 class QueryContext {

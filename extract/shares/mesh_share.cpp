@@ -4,8 +4,8 @@
 #include <cassert>
 #include <cstring>
 
-#include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/shares/share_format.h"
+#include "isobrick/extract/simplify/batch_group.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/atomic_file.h"

@@ -75,6 +75,11 @@ std::uint64_t BatchGroup::bytes() const {
          caps_.size() * (sizeof(std::uint32_t) + sizeof(Deviation) / 3);
 }
 
+bool simplifiesGroups(const Query& query) {
+  return query.simplify && query.isOfLevelZero() && query.region.isEverywhere() &&
+         !query.has_brick && !query.is_progressive;
+}
+
 GroupSorter::Groups GroupSorter::add(const PlacedBatch& brick) {
   Groups closed;
   const Index3& at = brick.batch.brick;

@@ -10,6 +10,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/simplify/simplify_remains.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
@@ -46,6 +47,9 @@ class BatchGroup {
   RawVector<std::uint32_t> caps_;
   RawVector<Deviation> cap_deviations_;
 };
+
+// True if a query simplifies groups, while it is meshed or later.
+bool simplifiesGroups(const Query& query);
 
 // Puts bricks into groups. These and their order depend on the bricks alone, which come in the
 // order of the brick table. Groups that are not whole hold kMostOpenBytes at the most.

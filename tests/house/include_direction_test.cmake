@@ -40,7 +40,7 @@ forbid(extract "nlohmann" "^sinks/glb_collection")
 # Rooms of extract that know nothing of the others named here.
 foreach(rooms "kernels:meshing|oracles|paging|session|shares|simplify|sinks"
     "sinks:kernels|meshing|oracles|paging|session|shares|simplify"
-    "shares:kernels|meshing|oracles|paging|session|simplify"
+    "shares:kernels|meshing|oracles|paging|session"
     "simplify:kernels|meshing|oracles|paging|session|shares"
     "region:meshing|oracles|paging|session|shares|simplify" "oracles:meshing|shares|simplify|sinks" "meshing:paging|shares|simplify")
   string(REPLACE ":" ";" rooms ${rooms})
