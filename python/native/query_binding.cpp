@@ -198,7 +198,7 @@ nb::object mergeShares(const std::vector<std::string>& paths, const std::string&
 }
 
 MeshFrame frameOf(const GridGeometry& geometry, const Index3& voxels, const Query& query) {
-  return {.geometry = geometry, .voxels = voxels, .has_caps = query.cap};
+  return {.geometry = geometry, .voxels = voxels, .inside = query.inside, .has_caps = query.cap};
 }
 
 CallOptions readCall(const nb::object& from) {
