@@ -112,7 +112,8 @@ TEST(InsideTest, BodiesAndCavitiesChangeTheirPlaces) {
     ComponentFinder finder(query);
     extractIsosurface(*pyramid, query, finder);
     std::vector<double> volumes;
-    for (const SurfaceComponent& one : finder.take().list()) volumes.push_back(*one.volume);
+    const SurfaceComponents components = finder.take();
+    for (const SurfaceComponent& one : components.list()) volumes.push_back(*one.volume);
     return volumes;
   };
   const std::vector<double> above = volumesOf(InsideOf::kAbove),
