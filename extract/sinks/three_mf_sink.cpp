@@ -18,7 +18,7 @@
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"
-#include "isobrick/extract/sinks/zip_file.h"
+#include "isobrick/extract/sinks/zip_writer.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -252,7 +252,7 @@ class ThreeMfModel {
     }
   }
 
-  ZipFile zip_;
+  ZipWriter zip_;
   const CancelFlag* const cancel_;
 };
 

@@ -1,4 +1,4 @@
-#include "isobrick/extract/sinks/zip_file.h"
+#include "isobrick/extract/sinks/zip_writer.h"
 
 #include <zlib.h>
 
@@ -69,14 +69,14 @@ PackedText packText(std::string_view text) {
   return packed;
 }
 
-void ZipFile::beginMember(const std::string& name) {
+void ZipWriter::beginMember(const std::string& name) {
   Member& member = members_.emplace_back();
   member.name = name;
   member.header_at = file_.position();
   file_.continueFrom(member.header_at + 30 + name.size() + 20);
 }
 
-void ZipFile::add(const PackedText& text) {
+void ZipWriter::add(const PackedText& text) {
   Member& member = members_.back();
   file_.write(text.bytes.data(), text.bytes.size());
   member.packed_bytes += text.bytes.size();
@@ -85,7 +85,7 @@ void ZipFile::add(const PackedText& text) {
   member.plain_bytes += text.plain_bytes;
 }
 
-void ZipFile::endMember() {
+void ZipWriter::endMember() {
   Member& member = members_.back();
   const unsigned char end[] = {3, 0};  // an empty last block
   file_.write(end, sizeof end);
@@ -104,7 +104,7 @@ void ZipFile::endMember() {
   file_.pwrite(header.bytes().data(), header.bytes().size(), member.header_at);
 }
 
-void ZipFile::finish() {
+void ZipWriter::finish() {
   const U64 directory_at = file_.position(), count = members_.size();
   ZipRecord directory;
   for (const Member& member : members_) {

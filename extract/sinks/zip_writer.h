@@ -21,9 +21,9 @@ PackedText packText(std::string_view text);
 
 // Adds members to `file`, which outlives it. Members may have any size: those above 4 GiB, or
 // behind that, are zip64. Times are not stored, so that equal members are equal bytes.
-class ZipFile {
+class ZipWriter {
  public:
-  explicit ZipFile(AtomicFile& file) : file_(file) {}
+  explicit ZipWriter(AtomicFile& file) : file_(file) {}
 
   void beginMember(const std::string& name);
   void add(const PackedText& text);
