@@ -134,6 +134,17 @@ std::uint64_t countPieces(const std::vector<EdgeUse>& edges) {
   return pieces;
 }
 
+// Counts what is wrong with an edge of which all uses are known; one that is open goes to the
+// others.
+void judge(const EdgeUse& use, MeshQuality& counts, std::vector<EdgeUse>& open) {
+  if (use.forward + use.backward == 1)
+    open.push_back(use);
+  else if (use.forward + use.backward > 2)
+    ++counts.nonmanifold_edges;
+  else if (use.forward != use.backward)
+    ++counts.misoriented_edges;
+}
+
 }  // namespace
 
 struct MeshCheck::Found {
@@ -186,12 +197,7 @@ void MeshCheck::write(PlacedBatch& placed) {
       continue;
     }
     ++counts.edges;
-    if (use.forward + use.backward == 1)
-      open.push_back(use);
-    else if (use.forward + use.backward > 2)
-      ++counts.nonmanifold_edges;
-    else if (use.forward != use.backward)
-      ++counts.misoriented_edges;
+    judge(use, counts, open);
   }
   {
     const std::lock_guard lock(found_->mutex);
@@ -217,14 +223,7 @@ MeshQuality MeshCheck::quality() const {
   quality.vertices = found_->numbering.count();
   joinUses(found_->border);
   std::vector<EdgeUse> open = found_->open;
-  for (const EdgeUse& use : found_->border) {
-    if (use.forward + use.backward == 1)
-      open.push_back(use);
-    else if (use.forward + use.backward > 2)
-      ++quality.nonmanifold_edges;
-    else if (use.forward != use.backward)
-      ++quality.misoriented_edges;
-  }
+  for (const EdgeUse& use : found_->border) judge(use, quality, open);
   quality.edges += found_->border.size();
   quality.open_edges = open.size();
   quality.boundary_loops = countPieces(open);
