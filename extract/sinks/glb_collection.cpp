@@ -3,13 +3,13 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/sinks/gltf_text.h"
 #include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
@@ -51,12 +51,6 @@ class GlbPart {
   OpenDescriptor file_;
 };
 
-// glTF computes with linear light.
-double linearPart(float srgb) {
-  const auto part = static_cast<double>(srgb);
-  return part <= 0.04045 ? part / 12.92 : std::pow((part + 0.055) / 1.055, 2.4);
-}
-
 // The JSON of all parts, whose numbers count on from part to part.
 class JoinedGltf {
  public:
@@ -92,9 +86,10 @@ class JoinedGltf {
       const bool is_cap = material.value("name", "") == "cap";
       material["name"] = is_cap ? object.name + " cap" : object.name;
       if (object.color && !is_cap)
-        material["pbrMetallicRoughness"]["baseColorFactor"] = {linearPart(object.color->r),
-                                                               linearPart(object.color->g),
-                                                               linearPart(object.color->b), 1};
+        // glTF computes with linear light.
+        material["pbrMetallicRoughness"]["baseColorFactor"] = {linearFromSrgb(object.color->r),
+                                                               linearFromSrgb(object.color->g),
+                                                               linearFromSrgb(object.color->b), 1};
     }
     part["buffers"].erase(std::size_t{0});
     const std::size_t number = json_["nodes"].size();
