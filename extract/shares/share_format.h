@@ -87,7 +87,7 @@ namespace isobrick {
 
 // The version of the meshes that a pyramid and a query give. Raise it with every change after which
 // they are other ones, so that shares of two programs are not merged.
-inline constexpr int kMeshAlgorithm = 3;
+inline constexpr int kMeshAlgorithm = 4;
 
 // A line for each fact; equal texts mean equal surfaces, batch by batch.
 std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice);

@@ -20,6 +20,9 @@ namespace {
 // this part of the distance, in the mean of squares: so the edges that are left are nearly as good
 // as they would be without stars.
 constexpr float kMostMeanSquareOfStar = 0.02f;
+// First go the edges that may go within this part of the distance, so that flat surfaces are large
+// triangles before crooked edges use up the distance.
+constexpr float kFirstPart = 1.0f / 32;
 // The cheapest of so many candidates get their turn in a round; if there are few, all do.
 constexpr std::size_t kCandidatesForEach = 2, kFewCandidates = 256;
 // An edge is not tried if its triangles would lie further from the finest ones than this part of
@@ -67,33 +70,34 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
                                MeshBatch& batch, SimplifyRemains* remains) {
   if (space.drops_small) small_.drop(space.to_space, space.distance, batch);
   if (batch.triangles.empty()) return;
-  collapseAll(space, cancel, batch, [&] {
-    addPlanes();
-    collapseStars(cancel);
-    findEdges();
-  });
+  collapseAll(space, cancel, batch, nullptr, [&] { addPlanes(); });
   write(batch);
   if (remains != nullptr) writeRemains(*remains);
 }
 
 void BatchSimplifier::simplifyGroup(const SimplifySpace& space, const CancelFlag* cancel,
                                     BatchGroup& group) {
-  collapseAll(space, cancel, group.placed.batch, [&] {
-    takeRemains(group.remains);
-    findEdges(&group.is_seam);
-  });
+  collapseAll(space, cancel, group.placed.batch, &group.is_seam,
+              [&] { takeRemains(group.remains); });
   write(group.placed.batch);
 }
 
 template <typename Start>
 void BatchSimplifier::collapseAll(const SimplifySpace& space, const CancelFlag* cancel,
-                                  const MeshBatch& batch, const Start& start) {
+                                  const MeshBatch& batch, const std::vector<std::uint8_t>* seams,
+                                  const Start& start) {
   narrowings_.assign(batch.positions.size(), 0);
   // What crosses moved less than the distance; less is kept if less is enough.
   float reach = space.distance / 4;
   do {
     begin(space, batch);
     start();
+    distance_ = kFirstPart * space.distance;
+    findEdges(seams);
+    collapseEdges(cancel, batch);
+    distance_ = space.distance;
+    if (seams == nullptr) collapseStars(cancel);
+    findEdges(seams);
     collapseEdges(cancel, batch);
     for (const float part : kShiftsOfBorder)
       while (collapseBorders(cancel, batch, part * space.distance)) collapseEdges(cancel, batch);
@@ -206,9 +210,7 @@ void BatchSimplifier::collapseStar(std::uint32_t corner) {
     mean += to / static_cast<float>(inner.size());
   }
   const glm::vec3 best = sum.leastNear(mean, kPull * sum.weight);
-  if (!(sum.valueAt(best) <=
-        kMostMeanSquareOfStar * space_.distance * space_.distance * sum.weight))
-    return;
+  if (!(sum.valueAt(best) <= kMostMeanSquareOfStar * distance_ * distance_ * sum.weight)) return;
   glm::vec3 voxels = voxelsOf(center.position + best);
   if (!keepInCapPlanes(inner, voxels)) return;
   const glm::vec3 place = positionOf(voxels);
@@ -258,7 +260,7 @@ std::uint32_t BatchSimplifier::cornerThatGoes(std::uint32_t corner) const {
 
 // Adds the edges that have no cost yet.
 void BatchSimplifier::addCandidates() {
-  const float most = kMostMeanSquare * space_.distance * space_.distance;
+  const float most = kMostMeanSquare * distance_ * distance_;
   std::array<Candidate, EdgeBlock::kEdges> edges;
   std::size_t count = 0;
   const auto evaluate = [&] {
@@ -382,7 +384,7 @@ bool BatchSimplifier::mayCollapse(const glm::vec3& place) {
   for (int i = 0; i < region_.inner; ++i)
     narrowings =
         std::max<int>(narrowings, narrowings_[region_.vertices[CollapseRegion::kFirstInner + i]]);
-  return bound_.follow(region_, deviations_, std::ldexp(space_.distance, -2 * narrowings));
+  return bound_.follow(region_, deviations_, std::ldexp(distance_, -2 * narrowings));
 }
 
 void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& voxels) {

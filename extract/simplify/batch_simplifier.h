@@ -39,13 +39,14 @@ struct SimplifySpace {
 // batch alone.
 //
 // Vertices become one at the place where the sum of squared distances to the finest triangles is
-// least, if it is small (Garland and Heckbert 1997): at first a vertex and its neighbours where the
-// surface is nearly flat, then both ends of an edge, those of the least sum before others. They
-// stay apart if a point might come further from where it was than the distance (DeviationBound).
-// Vertices that other batches have among them never move, so batches fit each other. A vertex of
-// the surface's border in the volume's border may become one with its neighbour there. If
-// triangles of what is left cross, the batch is simplified again, within less distance around them,
-// and in the end as it was there.
+// least, if it is small (Garland and Heckbert 1997): at first both ends of edges, within a small
+// part of the distance; then a vertex and its neighbours where the surface is nearly flat; then all
+// edges that may go. Of edges, those of the least sum go before others. Vertices stay apart if a
+// point might come further from where it was than the distance (DeviationBound). Vertices that
+// other batches have among them never move, so batches fit each other. A vertex of the surface's
+// border in the volume's border may become one with its neighbour there. If triangles of what is
+// left cross, the batch is simplified again, within less distance around them, and in the end as it
+// was there.
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
@@ -78,11 +79,11 @@ class BatchSimplifier {
   };
   static_assert(sizeof(Vertex) == 64);
 
-  // Until no triangles cross. `start`: gives the vertices what they stand for, and the first edges
-  // their turn.
+  // Until no triangles cross. `seams`: null, or marks of vertices at which edges get their turn;
+  // `start`: gives the vertices what they stand for.
   template <typename Start>
   void collapseAll(const SimplifySpace& space, const CancelFlag* cancel, const MeshBatch& batch,
-                   const Start& start);
+                   const std::vector<std::uint8_t>* seams, const Start& start);
   void begin(const SimplifySpace& space, const MeshBatch& batch);
   void findCapPlanes(const MeshBatch& batch);
   // Vertices of caps stay in the planes of these: moves the place at which vertices become one
@@ -101,7 +102,7 @@ class BatchSimplifier {
   // changes at its ends.
   void collapseEdges(const CancelFlag* cancel, const MeshBatch& batch);
   // Those that may collapse; if there are marks of vertices, only edges at one that has one.
-  void findEdges(const std::vector<std::uint8_t>* marks = nullptr);
+  void findEdges(const std::vector<std::uint8_t>* marks);
   void addCandidates();
   void sortCandidates();
   void collapseCheapest(const CancelFlag* cancel, const MeshBatch& batch);
@@ -146,6 +147,7 @@ class BatchSimplifier {
   void takeRemains(const SimplifyRemains& remains);
 
   SimplifySpace space_;
+  float distance_ = 0;                                  // how far collapses may go at present
   glm::vec3 lower_{0.0f}, upper_{0.0f}, center_{0.0f};  // of the batch, in voxels
   float grid_steps_ = 1;                                // of the grid of crossings, a voxel
   CornerTable table_;

@@ -132,7 +132,7 @@ TEST(Simplify, ABlockNeedsFewTriangles) {
   const IndexedMesh mesh = meshOfQuery(pyramid, sphereQuery(0.5));
   const MeshReport report = checkMesh(mesh.positions, mesh.triangles, {});
   EXPECT_TRUE(report.ok()) << report.summary();
-  EXPECT_LE(report.triangles, 1500);  // with seams more than 10,000
+  EXPECT_LE(report.triangles, 400);  // with seams more than 10,000
 }
 
 // More than one cube of bricks.
