@@ -46,8 +46,8 @@ compile "$work/arm64" --toolchain "$source/cmake/arm64.cmake" -D ISOBRICK_ARM64_
 # ---- the tests
 
 qemu() { qemu-aarch64-static -L "$work/root" "$@"; }
-# What qemu is not arm64's Linux in, with the reason of each.
-left_out=()
+# What qemu is not arm64's Linux in: it keeps a record of each page that a program maps, so a mapped terabyte takes all memory.
+left_out=('HollowFile.*')
 runTests() {  # ROOM SHARDS
   local room=$1 shards=$2 shard pids=() filter
   filter=-$(IFS=:; echo "${left_out[*]}")
