@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "isobrick/extract/self_crossings.h"
+#include "isobrick/extract/sinks/batch_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 
 namespace isobrick {
@@ -117,20 +118,14 @@ std::uint64_t countPieces(const std::vector<EdgeUse>& edges) {
   for (const EdgeUse& edge : edges) names.insert(names.end(), {edge.low, edge.high});
   std::ranges::sort(names);
   names.erase(std::unique(names.begin(), names.end()), names.end());
-  std::vector<std::size_t> parents(names.size());
-  std::iota(parents.begin(), parents.end(), std::size_t{0});
-  const auto rootOf = [&](VertexName name) {
-    auto at = static_cast<std::size_t>(std::ranges::lower_bound(names, name) - names.begin());
-    while (parents[at] != at) at = parents[at] = parents[parents[at]];
-    return at;
+  const auto placeOf = [&](VertexName name) {
+    return static_cast<std::uint32_t>(std::ranges::lower_bound(names, name) - names.begin());
   };
-  std::uint64_t pieces = names.size();
-  for (const EdgeUse& edge : edges) {
-    const std::size_t a = rootOf(edge.low), b = rootOf(edge.high);
-    if (a == b) continue;
-    parents[std::max(a, b)] = std::min(a, b);
-    --pieces;
-  }
+  std::vector<std::uint32_t> parents(names.size());
+  std::iota(parents.begin(), parents.end(), 0u);
+  for (const EdgeUse& edge : edges) joinSets(parents, placeOf(edge.low), placeOf(edge.high));
+  std::uint64_t pieces = 0;
+  for (std::uint32_t i = 0; i < parents.size(); ++i) pieces += parents[i] == i ? 1 : 0;
   return pieces;
 }
 

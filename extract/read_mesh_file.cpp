@@ -1,218 +1,162 @@
 #include "isobrick/extract/read_mesh_file.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 #include <fstream>
 #include <limits>
 #include <map>
 #include <sstream>
 #include <string_view>
+#include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
 
-class MeshFile {
- public:
-  explicit MeshFile(const std::string& path)
-      : path_(path), in_(path, std::ios::binary), left_(in_ ? fileBytes(path) : 0) {
-    if (!in_) fail("it cannot be opened");
-  }
+constexpr double kNothingRead = std::numeric_limits<double>::quiet_NaN();
 
-  [[noreturn]] void fail(const std::string& why) const {
-    throw Error("cannot read the mesh '" + path_ + "': " + why, {.path = path_});
-  }
-  std::string line() {
-    std::string text;
-    if (!std::getline(in_, text)) fail("it ends in its header");
-    left_ -= std::min<std::uint64_t>(left_, text.size() + 1);
-    if (text.ends_with('\r')) text.pop_back();
-    return text;
-  }
-  template <typename T>
-  T next() {
-    T value;
-    in_.read(reinterpret_cast<char*>(&value), sizeof value);
-    if (!in_) fail("it is shorter than it says");
-    return value;
-  }
-  double nextWord() {
-    double value = 0;
-    if (!(in_ >> value)) fail("a number is missing, or is none");
-    return value;
-  }
-  void skip(std::streamsize bytes) {
-    if (in_.ignore(bytes).gcount() != bytes) fail("it is shorter than it says");
-  }
-  // A hostile count asks for no memory: an element has at least `bytes`.
-  std::uint64_t counted(std::uint64_t count, std::uint64_t bytes) const {
-    if (count > left_ / bytes || count >= std::numeric_limits<std::uint32_t>::max())
-      fail("it is too short for what it says to hold, or holds too much");
-    return count;
-  }
+// Reads the next number of a file; NaN if there is none.
+using NumberReader = double (*)(std::istream& in);
 
- private:
-  const std::string path_;
-  std::ifstream in_;
-  std::uint64_t left_;  // bytes, when the header ended
+template <typename T>
+double binaryNumber(std::istream& in) {
+  T number;
+  return in.read(reinterpret_cast<char*>(&number), sizeof number) ? static_cast<double>(number)
+                                                                  : kNothingRead;
+}
+double textNumber(std::istream& in) {
+  double number = 0;
+  return in >> number ? number : kNothingRead;
+}
+
+NumberReader readerOf(const std::string& type) {
+  static const std::map<std::string_view, NumberReader> kTypes = {
+      {"char", binaryNumber<std::int8_t>},     {"int8", binaryNumber<std::int8_t>},
+      {"uchar", binaryNumber<std::uint8_t>},   {"uint8", binaryNumber<std::uint8_t>},
+      {"short", binaryNumber<std::int16_t>},   {"int16", binaryNumber<std::int16_t>},
+      {"ushort", binaryNumber<std::uint16_t>}, {"uint16", binaryNumber<std::uint16_t>},
+      {"int", binaryNumber<std::int32_t>},     {"int32", binaryNumber<std::int32_t>},
+      {"uint", binaryNumber<std::uint32_t>},   {"uint32", binaryNumber<std::uint32_t>},
+      {"float", binaryNumber<float>},          {"float32", binaryNumber<float>},
+      {"double", binaryNumber<double>},        {"float64", binaryNumber<double>}};
+  const auto found = kTypes.find(type);
+  if (found == kTypes.end()) throw Error("its header has a property of an unknown type");
+  return found->second;
+}
+
+struct PlyProperty {
+  std::string name;
+  NumberReader read = nullptr, read_count = nullptr;  // the second of lists
+};
+struct PlyElement {
+  std::string name;
+  std::uint64_t count = 0;
+  std::vector<PlyProperty> properties;
 };
 
-class PlyMeshReader {
- public:
-  explicit PlyMeshReader(MeshFile& file) : file_(file) { readHeader(); }
-
-  IndexedMesh read() {
-    for (const Element& element : elements_)
-      for (std::uint64_t i =
-               file_.counted(element.count, std::max<std::uint64_t>(1, element.properties.size()));
-           i-- > 0;)
-        readItem(element);
-    for (const std::uint32_t corner : mesh_.triangles)
-      if (corner >= mesh_.positions.size()) file_.fail("a face has a vertex that is not there");
-    return std::move(mesh_);
-  }
-
- private:
-  using Read = double (PlyMeshReader::*)();
-  struct Property {
-    std::string name;
-    Read read = nullptr;
-    Read read_count = nullptr;  // of a list
-  };
-  struct Element {
-    std::string name;
-    std::uint64_t count = 0;
-    std::vector<Property> properties;
-  };
-
-  template <typename T>
-  double binary() {
-    return static_cast<double>(file_.next<T>());
-  }
-  double word() { return file_.nextWord(); }
-
-  Read typeNamed(const std::string& name) const {
-    static const std::map<std::string_view, Read> kTypes = {
-        {"char", &PlyMeshReader::binary<std::int8_t>},
-        {"int8", &PlyMeshReader::binary<std::int8_t>},
-        {"uchar", &PlyMeshReader::binary<std::uint8_t>},
-        {"uint8", &PlyMeshReader::binary<std::uint8_t>},
-        {"short", &PlyMeshReader::binary<std::int16_t>},
-        {"int16", &PlyMeshReader::binary<std::int16_t>},
-        {"ushort", &PlyMeshReader::binary<std::uint16_t>},
-        {"uint16", &PlyMeshReader::binary<std::uint16_t>},
-        {"int", &PlyMeshReader::binary<std::int32_t>},
-        {"int32", &PlyMeshReader::binary<std::int32_t>},
-        {"uint", &PlyMeshReader::binary<std::uint32_t>},
-        {"uint32", &PlyMeshReader::binary<std::uint32_t>},
-        {"float", &PlyMeshReader::binary<float>},
-        {"float32", &PlyMeshReader::binary<float>},
-        {"double", &PlyMeshReader::binary<double>},
-        {"float64", &PlyMeshReader::binary<double>}};
-    const auto found = kTypes.find(name);
-    if (found == kTypes.end()) file_.fail("its header has a property of an unknown type");
-    return is_text_ ? &PlyMeshReader::word : found->second;
-  }
-
-  void readHeader() {
-    if (file_.line() != "ply") file_.fail("it does not begin with 'ply'");
-    for (std::string text = file_.line(); text != "end_header"; text = file_.line()) {
-      std::istringstream words(text);
-      std::string word, type;
-      words >> word >> type;
-      if (word == "format") {
-        is_text_ = type == "ascii";
-        if (!is_text_ && type != "binary_little_endian")
-          file_.fail("it is of the format " + type + "; write it as binary little-endian");
-      } else if (word == "element") {
-        elements_.push_back({type, 0, {}});
-        words >> elements_.back().count;
-      } else if (word == "property") {
-        if (elements_.empty()) file_.fail("its header has a property of no element");
-        Property property;
-        if (type == "list") {
-          words >> type;
-          property.read_count = typeNamed(type);
-          words >> type;
-        }
-        property.read = typeNamed(type);
-        words >> property.name;
-        elements_.back().properties.push_back(property);
+std::vector<PlyElement> readPlyHeader(std::istream& in) {
+  std::vector<PlyElement> elements;
+  bool is_text = false;
+  std::string line;
+  while (std::getline(in, line)) {
+    std::istringstream words(line);
+    std::string word, type;
+    words >> word >> type;
+    const auto reader = [&] {
+      const NumberReader binary = readerOf(type);
+      return is_text ? textNumber : binary;
+    };
+    if (word == "end_header") return elements;
+    if (word == "format") {
+      is_text = type == "ascii";
+      if (!is_text && type != "binary_little_endian")
+        throw Error("it is of the format " + type + "; write it as binary little-endian");
+    } else if (word == "element") {
+      elements.push_back({type, 0, {}});
+      words >> elements.back().count;
+    } else if (word == "property" && !elements.empty()) {
+      PlyProperty& property = elements.back().properties.emplace_back();
+      if (type == "list") {
+        words >> type;
+        property.read_count = reader();
+        words >> type;
       }
+      property.read = reader();
+      words >> property.name;
     }
   }
+  throw Error("it ends in its header");
+}
 
-  void readItem(const Element& element) {
-    glm::dvec3 position(0.0);
-    for (const Property& property : element.properties) {
-      if (property.read_count != nullptr) {
-        const auto count =
-            static_cast<std::uint64_t>(std::max(0.0, (this->*property.read_count)()));
-        const bool is_face = element.name == "face" && property.name.starts_with("vertex_ind");
+IndexedMesh readPly(std::istream& in) {
+  IndexedMesh mesh;
+  for (const PlyElement& element : readPlyHeader(in))
+    // A hostile count asks for no memory, and ends with the file.
+    for (std::uint64_t i = 0; in && !element.properties.empty() && i < element.count; ++i) {
+      glm::dvec3 position(0.0);
+      for (const PlyProperty& property : element.properties) {
+        const double count = property.read_count != nullptr ? property.read_count(in) : 1;
         std::uint32_t first = 0, before = 0;
-        for (std::uint64_t i = 0; i < count; ++i) {
-          const double number = (this->*property.read)();
-          if (!is_face) continue;
-          if (!(number >= 0 && number < std::numeric_limits<std::uint32_t>::max()))
-            file_.fail("a face has a vertex that is not there");
+        for (double n = 0; n < count && in; ++n) {
+          const double number = property.read(in);
+          if (property.name.size() == 1 && property.name >= "x" && property.name <= "z")
+            position[property.name[0] - 'x'] = number;
+          if (element.name != "face" || !property.name.starts_with("vertex_ind")) continue;
+          if (!(number >= 0 && number < static_cast<double>(mesh.positions.size())))
+            throw Error("a face has a vertex that is not there");
           const auto corner = static_cast<std::uint32_t>(number);
-          if (i == 0) first = corner;
-          if (i >= 2) mesh_.triangles.insert(mesh_.triangles.end(), {first, before, corner});
+          if (n == 0) first = corner;
+          if (n >= 2) mesh.triangles.insert(mesh.triangles.end(), {first, before, corner});
           before = corner;
         }
-      } else {
-        const double value = (this->*property.read)();
-        for (int axis = 0; axis < 3; ++axis)
-          if (property.name == std::string_view("xyz").substr(static_cast<std::size_t>(axis), 1))
-            position[axis] = value;
       }
+      if (element.name == "vertex") mesh.positions.push_back(position);
     }
-    if (element.name == "vertex") mesh_.positions.push_back(position);
-  }
+  return mesh;
+}
 
-  MeshFile& file_;
-  bool is_text_ = false;
-  std::vector<Element> elements_;
-  IndexedMesh mesh_;
-};
-
-IndexedMesh readStl(MeshFile& file) {
+IndexedMesh readStl(std::istream& in) {
   constexpr std::streamsize kHeaderBytes = 80;
-  constexpr std::uint64_t kTriangleBytes = 50;
-  file.skip(kHeaderBytes);
+  in.ignore(kHeaderBytes);
   IndexedMesh mesh;
   std::map<std::array<float, 3>, std::uint32_t> numbers;
-  for (std::uint64_t t = file.counted(file.next<std::uint32_t>(), kTriangleBytes); t-- > 0;) {
-    file.skip(3 * sizeof(float));  // its normal
-    for (int corner = 0; corner < 3; ++corner) {
-      const auto place = file.next<std::array<float, 3>>();
+  const double count = binaryNumber<std::uint32_t>(in);
+  for (double t = 0; t < count && in; ++t) {
+    in.ignore(3 * sizeof(float));  // its normal
+    std::array<std::array<float, 3>, 3> corners{};
+    in.read(reinterpret_cast<char*>(&corners), sizeof corners);
+    binaryNumber<std::uint16_t>(in);
+    for (const std::array<float, 3>& place : corners) {
       const auto [at, is_new] =
           numbers.emplace(place, static_cast<std::uint32_t>(mesh.positions.size()));
       if (is_new) mesh.positions.emplace_back(place[0], place[1], place[2]);
       mesh.triangles.push_back(at->second);
     }
-    file.skip(sizeof(std::uint16_t));
   }
   return mesh;
 }
 
 }  // namespace
 
-IndexedMesh readMeshFile(const std::string& path) {
-  MeshFile file(path);
+IndexedMesh readMeshFile(const std::string& path) try {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw Error("it cannot be opened");
   const std::string end = lowerExtension(path);
   if (end != ".ply" && end != ".stl")
-    file.fail("only .ply and .stl are read; write it as one of these");
-  IndexedMesh mesh = end == ".ply" ? PlyMeshReader(file).read() : readStl(file);
+    throw Error("only .ply and .stl are read; write it as one of these");
+  IndexedMesh mesh = end == ".ply" ? readPly(in) : readStl(in);
+  if (!in) throw Error("it is shorter than it says, or has a word where a number is wanted");
+  if (mesh.positions.size() >= std::numeric_limits<std::uint32_t>::max())
+    throw Error("it has more than 4,294,967,294 vertices");
   for (const glm::dvec3& position : mesh.positions)
     if (!std::isfinite(position.x + position.y + position.z))
-      file.fail("a vertex has no finite place");
+      throw Error("a vertex has no finite place");
   return mesh;
+} catch (const Error& error) {
+  throw Error("cannot read the mesh '" + path + "': " + error.what(), {.path = path});
 }
 
 }  // namespace isobrick

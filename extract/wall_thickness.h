@@ -1,7 +1,6 @@
 // How thick the inside of a surface is behind each of its vertices.
 #pragma once
 
-#include <glm/mat3x3.hpp>
 #include <limits>
 
 #include "isobrick/extract/pyramid_values.h"
@@ -10,11 +9,11 @@
 namespace isobrick {
 
 // A ray goes from the vertex against its normal until it leaves the inside of the trilinear field
-// of level 0; the thickness is the length of the ray inside, in world units. It
-// is exact to 1/1000 of a voxel: along a ray the field is a cubic in every cell. The border of the
-// volume ends the inside, as a cap would. A vertex that lies outside, as vertices of coarser levels
-// may, counts from where its ray comes in; NaN if it does not, and if the ray meets voxels without
-// data.
+// of level 0; the thickness is the length of the ray inside, in world units, exact to 1/1000 of a
+// voxel. Walls and gaps that are shorter than half a voxel may be missed, but for the wall that
+// begins at the vertex. The border of the volume ends the inside, as a cap would. A vertex that
+// lies outside, as vertices of coarser levels may, counts from where its ray comes in; NaN if it
+// does not, and if the ray meets voxels without data.
 //
 // No mesh is needed: only the bricks that rays cross are read, and each thread holds one at a time.
 class WallThickness : public VertexValues {
@@ -31,10 +30,10 @@ class WallThickness : public VertexValues {
 
  private:
   const Pyramid& pyramid_;
+  const PyramidValues field_;
   const InsideOf inside_;
-  const float outermost_;  // value of the inside, as samples are stored
+  double outermost_;  // value of the inside, as samples are stored
   const double most_;
-  const glm::dmat3 world_to_index_;
 };
 
 }  // namespace isobrick

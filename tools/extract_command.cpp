@@ -85,14 +85,14 @@ ExtractResults extract(ExtractArguments& arguments) {
   refuseOutputs(arguments);
   const std::vector<std::string> names = meshNames(arguments);
   Extractor extractor(pyramid);
-  const auto together = collectionOf(arguments, pyramid, fields);
+  MeshCollection* const together = collectionOf(arguments, pyramid, fields);
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
     results.surfaces.push_back(
         extractOne(arguments, pyramid, extractor, fields, names[i],
                    together ? together->add(objectOf(arguments, i)) : nullptr));
   }
-  if (together) together->finish();
+  if (together && !arguments.label) together->finish();
   results.pager = pyramid.parts().counters();
   if (isRemotePath(arguments.query.input.pyramid)) results.remote = pyramid.remoteCounters();
   return results;
@@ -122,8 +122,8 @@ ExtractResults extractOneVolume(ExtractArguments& arguments) {
   return results ? std::move(*results) : extractFromPyramid(arguments);
 }
 
-// The arguments for each of the labels, whose surfaces get files of their own if there are several;
-// the arguments as they are without --label.
+// The arguments for each of the labels, whose surfaces get files of their own if there are several
+// and not together; the arguments as they are without --label.
 std::vector<ExtractArguments> argumentsOfLabels(const ExtractArguments& arguments) {
   const auto given = arguments.query.input.derivation.find("--label");
   if (given == arguments.query.input.derivation.end() || given->second.empty()) return {arguments};
@@ -137,17 +137,23 @@ std::vector<ExtractArguments> argumentsOfLabels(const ExtractArguments& argument
   } catch (const std::invalid_argument& failure) {
     throw UsageError(fmt::format("--label: {}", failure.what()));
   }
-  if (all.size() > 1 && !arguments.output.empty())
-    for (ExtractArguments& one : all)
-      one.output = nameWith(arguments.output, fmt::format("{}", *one.label));
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (all.size() > 1 && !arguments.output.empty() && !arguments.together)
+      all[i].output = nameWith(arguments.output, fmt::format("{}", *all[i].label));
+    if (!arguments.colors.empty() && arguments.colors.size() == all.size())
+      all[i].colors = {arguments.colors[i]};
+  }
   return all;
 }
 
 // One after the other; each is a volume of its own.
 ExtractResults extractAll(std::vector<ExtractArguments> all) {
   std::optional<ExtractResults> results;
+  std::shared_ptr<MeshCollection> collection;
   for (ExtractArguments& arguments : all) {
+    arguments.collection = collection;
     ExtractResults one = extractOneVolume(arguments);
+    collection = arguments.collection;
     for (ExtractResult& surface : one.surfaces) surface.label = arguments.label;
     if (!results) {
       results = std::move(one);
@@ -156,6 +162,7 @@ ExtractResults extractAll(std::vector<ExtractArguments> all) {
     results->open_seconds += one.open_seconds;
     std::move(one.surfaces.begin(), one.surfaces.end(), std::back_inserter(results->surfaces));
   }
+  if (collection != nullptr && all.front().label) collection->finish();
   return *results;
 }
 
@@ -174,10 +181,11 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
         throw UsageError(fmt::format(
             "{} does not go with a share of a mesh, {}; leave it out, or write another format",
             option, kMeshShareEnding));
-  if (!arguments.colors.empty() && arguments.colors.size() != arguments.query.isovalues.size())
-    throw UsageError("--color is wanted once for each isovalue of --iso, in their order");
   refuseTwinIsovalues(arguments.query.isovalues);
   std::vector<ExtractArguments> all = argumentsOfLabels(arguments);
+  if (!arguments.colors.empty() &&
+      arguments.colors.size() != all.size() * arguments.query.isovalues.size())
+    throw UsageError("--color is wanted once for each isovalue, or label, in their order");
   if (isPrecomputedName(arguments.output)) {
     if (all.size() > 1)
       throw UsageError(
@@ -258,12 +266,15 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
   addPlacementOptions(app, arguments.placement, output, true);
   CLI::Option* const together =
       app.add_flag("--together", arguments.together,
-                   "All isovalues in one file, .glb or .3mf, each an object named by its isovalue")
+                   "All isovalues in one file, .glb or .3mf, each an object named by its isovalue; "
+                   "or all labels, also in one mesh, whose vertices have their label: .ply, .vtp, "
+                   "or .obj, as groups")
           ->needs(output);
   addRepeatedOption(
       app, "--color",
       [&arguments](const std::string& text) { arguments.colors.push_back(parseColor(text)); },
-      "R,G,B", "With --together: colour of the surface, sRGB from 0 to 1; once for each isovalue")
+      "R,G,B",
+      "With --together: colour of the surface, sRGB from 0 to 1; once for each isovalue or label")
       ->needs(together);
   app.add_flag("--zlib", arguments.zlib, "Pack .vtp with zlib")->needs(output);
   app.add_flag("--meshopt", arguments.meshopt,

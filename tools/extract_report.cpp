@@ -8,7 +8,6 @@
 
 #include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
-#include "tools/extract_report.h"
 
 namespace isobrick {
 

@@ -90,20 +90,28 @@ std::vector<AttributeFacts> attributeFacts(const ExtractArguments& arguments) {
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
 
-std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
-                                             const Pyramid& pyramid, AttributeFields& fields) {
-  if (!arguments.together) return nullptr;
+MeshCollection* collectionOf(ExtractArguments& arguments, const Pyramid& pyramid,
+                             AttributeFields& fields) {
+  if (!arguments.together || arguments.collection != nullptr) return arguments.collection.get();
+  if (arguments.label && !arguments.attributes.empty())
+    throw UsageError(
+        "--together of labels gives each vertex its label, and no other --attribute; leave one of "
+        "them out");
   if (std::ranges::any_of(arguments.attributes, &AttributeOptions::isOfSurface))
     throw UsageError(
         "--together goes with attributes that are the same field for all surfaces; leave out "
         "thickness and distance, or --together");
   const auto attributes = fields.of(arguments.query, pyramid, nullptr);
-  return makeMeshCollection(arguments.output, fileOptionsOf(arguments, pyramid, attributes));
+  const auto make = arguments.label ? makeLabelCollection : makeMeshCollection;
+  arguments.collection = make(arguments.output, fileOptionsOf(arguments, pyramid, attributes));
+  return arguments.collection.get();
 }
 
 MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface) {
   MeshObject object;
-  object.name = fmt::format("isovalue {}", *arguments.query.isovalues[surface]);
+  object.label = arguments.label.value_or(0);
+  object.name = arguments.label ? fmt::format("label {}", object.label)
+                                : fmt::format("isovalue {}", *arguments.query.isovalues[surface]);
   if (!arguments.colors.empty()) object.color = arguments.colors[surface];
   return object;
 }

@@ -38,8 +38,9 @@ struct ExtractArguments {
   std::optional<double> drop_below;  // area, world units^2
   std::optional<ShareNumber> part;
   PlacementOptions placement;
-  bool together = false;          // all surfaces in one file
-  std::vector<glm::vec3> colors;  // then: of the isovalues, in their order; empty: none
+  bool together = false;                       // all surfaces in one file
+  std::vector<glm::vec3> colors;               // then: of the surfaces, in their order; empty: none
+  std::shared_ptr<MeshCollection> collection;  // that file, as soon as it is begun
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -61,9 +62,10 @@ std::vector<AttributeFacts> attributeFacts(const ExtractArguments& arguments);
 // True of a share of a mesh, .isbm.
 bool isShareName(const std::string& output);
 
-// The one file of all surfaces, if the user wants it; null: each has its own. `values` may be null.
-std::unique_ptr<MeshCollection> collectionOf(const ExtractArguments& arguments,
-                                             const Pyramid& pyramid, AttributeFields& fields);
+// The one file of all surfaces, if the user wants it; null: each has its own. Begun once, it is
+// arguments.collection; `fields` outlive its use.
+MeshCollection* collectionOf(ExtractArguments& arguments, const Pyramid& pyramid,
+                             AttributeFields& fields);
 // The surface with this number in it.
 MeshObject objectOf(const ExtractArguments& arguments, std::size_t surface);
 

@@ -190,9 +190,7 @@ void findMasks(QueryOptions& options) {
 }
 
 void openMasks(QueryOptions& options, std::uint64_t memory_bytes) {
-  for (RegionOptions::Mask& mask : options.region.masks)
-    mask.opened = openPyramidFile(mask.input.pyramid, memory_bytes, fileAccess(options.no_map),
-                                  remoteOptions(options.input));
+  openMasks(options.region, memory_bytes, fileAccess(options.no_map), remoteOptions(options.input));
 }
 
 void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {

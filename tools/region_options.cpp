@@ -8,6 +8,7 @@
 
 #include "isobrick/storage/file_system.h"
 #include "tools/parse_text.h"
+#include "tools/query_options.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {
@@ -48,7 +49,7 @@ HalfSpace parsePlane(const std::string& text) {
   return plane;
 }
 
-RegionOptions::Sphere parseSphere(const std::string& text) {
+RegionBall parseSphere(const std::string& text) {
   const std::vector<double> numbers = parseNumbers(text);
   if (numbers.size() != 4 || !(numbers[3] > 0))
     throw std::invalid_argument(
@@ -67,7 +68,9 @@ std::vector<std::string> RegionOptions::files() const {
   return all;
 }
 
-void addRegionOptions(CLI::App& app, RegionOptions& options) {
+void addRegionOptions(CLI::App& app, RegionOptions& options, bool has_world) {
+  const std::string units =
+      has_world ? "in voxel indices; with --world in world units" : "in voxel indices";
   beginGroup(app, kSurfaceGroup);
   addRepeatedOption(
       app, "--mask",
@@ -81,11 +84,12 @@ void addRegionOptions(CLI::App& app, RegionOptions& options) {
       [&options](const std::string& text) { options.planes.push_back(parsePlane(text)); },
       "NX,NY,NZ,D",
       "Only the side of a plane to which its normal points, N.P >= D; or a point and the normal, "
-      "X,Y,Z,NX,NY,NZ. In voxel indices; with --world in world units");
+      "X,Y,Z,NX,NY,NZ; " +
+          units);
   addRepeatedOption(
       app, "--sphere",
       [&options](const std::string& text) { options.spheres.push_back(parseSphere(text)); },
-      "X,Y,Z,R", "Only within this sphere, in voxel indices; with --world in world units");
+      "X,Y,Z,R", "Only within this sphere, " + units);
 }
 
 void findMasks(RegionOptions& options, const std::string& cache_folder, int threads,
@@ -96,6 +100,12 @@ void findMasks(RegionOptions& options, const std::string& cache_folder, int thre
   }
 }
 
+void openMasks(RegionOptions& options, std::uint64_t memory_bytes, FileAccess access,
+               const RemoteOptions& remote) {
+  for (RegionOptions::Mask& mask : options.masks)
+    mask.opened = openPyramidFile(mask.input.pyramid, memory_bytes, access, remote);
+}
+
 SurfaceRegion makeRegion(const RegionOptions& options, bool world, const GridGeometry& geometry) {
   SurfaceRegion region;
   for (const RegionOptions::Mask& mask : options.masks)
@@ -103,9 +113,8 @@ SurfaceRegion makeRegion(const RegionOptions& options, bool world, const GridGeo
   for (const HalfSpace& plane : options.planes)
     region.half_spaces.push_back(world ? halfSpaceInWorld(geometry, plane.normal, plane.offset)
                                        : plane);
-  for (const RegionOptions::Sphere& sphere : options.spheres)
-    region.balls.push_back(world ? ballInWorld(geometry, sphere.center, sphere.radius)
-                                 : RegionBall{sphere.center, sphere.radius});
+  for (const RegionBall& ball : options.spheres)
+    region.balls.push_back(world ? ballInWorld(geometry, ball.center, ball.radius) : ball);
   return region;
 }
 

@@ -20,23 +20,23 @@ struct RegionOptions {
     std::optional<double> value;
     std::shared_ptr<const Pyramid> opened;  // after openMasks()
   };
-  struct Sphere {
-    glm::dvec3 center{0.0};
-    double radius = 0;
-  };
   std::vector<Mask> masks;
-  std::vector<HalfSpace> planes;  // in voxel indices, or in world units
-  std::vector<Sphere> spheres;    // likewise
+  std::vector<HalfSpace> planes;    // in voxel indices, or in world units
+  std::vector<RegionBall> spheres;  // likewise
 
   bool isEverywhere() const { return masks.empty() && planes.empty() && spheres.empty(); }
   std::vector<std::string> files() const;  // of masks, and their pyramids
 };
 
-void addRegionOptions(CLI::App& app, RegionOptions& options);
+// `has_world`: the command has --world.
+void addRegionOptions(CLI::App& app, RegionOptions& options, bool has_world = true);
 
 // findPyramid() of all masks, in this cache folder (empty: the default one).
 void findMasks(RegionOptions& options, const std::string& cache_folder, int threads,
                std::uint64_t memory_bytes);
+// Opens all masks, each with `memory_bytes`.
+void openMasks(RegionOptions& options, std::uint64_t memory_bytes, FileAccess access,
+               const RemoteOptions& remote);
 
 // `world`: planes and spheres are in world units. The masks are open.
 SurfaceRegion makeRegion(const RegionOptions& options, bool world, const GridGeometry& geometry);

@@ -17,7 +17,6 @@ void BrickCaps::begin(const MeshContext& context, const BrickWork& work, const I
   triangles_.clear();
   points_ = hub_ = 0;
   const Lattice& lattice = context.lattice();
-  const CapBorder border(lattice, context.query);
   for (int face = 0; face < 6; ++face) {
     const int axis = face / 2;
     border_cell_[face] = -2;
@@ -25,7 +24,7 @@ void BrickCaps::begin(const MeshContext& context, const BrickWork& work, const I
       IndexBox layer = cells;
       layer.first[axis] += i;
       layer.count[axis] = 1;
-      if ((border.facesOf(lattice, work.level, layer) >> face & 1) == 0) continue;
+      if ((context.border.facesOf(lattice, work.level, layer) >> face & 1) == 0) continue;
       border_cell_[face] = i;
       if (face % 2 == 1) break;
     }
@@ -79,8 +78,7 @@ std::uint32_t BrickCaps::vertexAt(const Index3& position, bool is_shared) {
   if (!is_new) return vertex;
   batch_->positions.push_back(glm::vec3(position - batch_->origin));
   // The mean of the sides of the border that it lies in.
-  const CapBorder border(context_->lattice(), context_->query);
-  const unsigned faces = border.facesOf(context_->lattice(), 0, {position, Index3(0)});
+  const unsigned faces = context_->border.facesOf(context_->lattice(), 0, {position, Index3(0)});
   glm::vec3 normal(0.0f);
   for (int face = 0; face < 6; ++face)
     if ((faces >> face & 1) != 0)

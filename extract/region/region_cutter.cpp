@@ -53,44 +53,29 @@ bool hasArea(const MeshBatch& batch, std::uint32_t a, std::uint32_t b, std::uint
 
 bool RegionCutter::cut(MeshBatch& batch) {
   if (batch.triangles.empty()) return false;
-  bool is_cut = !readers_.empty() && dropOutsideMasks(batch);
+  const auto depthInMasks = [&](const glm::dvec3& place) {
+    const bool stays =
+        allVoxelsBeside(place, [&](const Index3& voxel) { return haveAll(readers_, voxel); });
+    return stays ? 1.0 : -1.0;
+  };
   std::uint64_t number = 0;
-  for (const RegionWall& wall : field_.walls())
-    if (cutAt(wall, ++number, batch)) is_cut = true;
+  bool is_cut = !readers_.empty() && cutAt(depthInMasks, nullptr, number, batch);
+  for (const RegionWall& wall : field_.walls()) {
+    const auto depth = [&](const glm::dvec3& place) { return wall.depth(place); };
+    if (cutAt(depth, &wall, ++number, batch)) is_cut = true;
+  }
   if (!is_cut) return false;
   dropUnusedVertices(batch, numbers_);
   batch.is_uniform = false;
   return true;
 }
 
-bool RegionCutter::dropOutsideMasks(MeshBatch& batch) {
-  stays_.resize(batch.positions.size());
-  for (std::uint32_t v = 0; v < stays_.size(); ++v)
-    stays_[v] = allVoxelsBeside(voxelOf(batch, v),
-                                [&](const Index3& voxel) { return haveAll(readers_, voxel); });
-  std::size_t kept = 0;
-  const std::size_t plain = batch.triangles.size() - batch.transition_indices;
-  std::size_t kept_plain = 0;
-  for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
-    if (i == plain) kept_plain = kept;
-    const std::uint32_t* const t = &batch.triangles[i];
-    if (stays_[t[0]] == 0 || stays_[t[1]] == 0 || stays_[t[2]] == 0) continue;
-    for (std::size_t corner = 0; corner < 3; ++corner) batch.triangles[kept++] = t[corner];
-  }
-  if (kept == batch.triangles.size()) return false;
-  batch.transition_indices = batch.transition_indices == 0 ? 0 : kept - kept_plain;
-  batch.triangles.resize(kept);
-  return true;
-}
-
-bool RegionCutter::cutAt(const RegionWall& wall, std::uint64_t number, MeshBatch& batch) {
+template <typename Depth>
+bool RegionCutter::cutAt(const Depth& depth, const RegionWall* wall, std::uint64_t number,
+                         MeshBatch& batch) {
   depths_.resize(batch.positions.size());
-  double least = 0;
-  for (std::uint32_t v = 0; v < depths_.size(); ++v) {
-    depths_[v] = wall.depth(voxelOf(batch, v));
-    least = std::min(least, depths_[v]);
-  }
-  if (least >= -kNear) return false;
+  for (std::uint32_t v = 0; v < depths_.size(); ++v) depths_[v] = depth(voxelOf(batch, v));
+  if (std::ranges::all_of(depths_, [](double one) { return one >= -kNear; })) return false;
   keys_.assign(batch.positions.size(), kNoEdge);
   for (const MeshBatch::SharedVertex& shared : batch.shared) keys_[shared.vertex] = shared.key;
   made_.clear();
@@ -110,10 +95,11 @@ bool RegionCutter::cutAt(const RegionWall& wall, std::uint64_t number, MeshBatch
       has_in = has_in || isIn(a);
       has_out = has_out || isOut(a);
       if (!isOut(a)) corners[count++] = a;
-      if (isIn(a) && isOut(b)) corners[count++] = vertexBetween(wall, number, a, b, batch);
-      if (isOut(a) && isIn(b)) corners[count++] = vertexBetween(wall, number, b, a, batch);
+      if (wall == nullptr) continue;
+      if (isIn(a) && isOut(b)) corners[count++] = vertexBetween(*wall, number, a, b, batch);
+      if (isOut(a) && isIn(b)) corners[count++] = vertexBetween(*wall, number, b, a, batch);
     }
-    if (has_out && !has_in) continue;
+    if (has_out && (!has_in || wall == nullptr)) continue;
     for (std::size_t corner = 2; corner < count; ++corner) {
       if (has_out && !hasArea(batch, corners[0], corners[corner - 1], corners[corner])) continue;
       triangles_.push_back(corners[0]);

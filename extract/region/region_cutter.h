@@ -31,8 +31,9 @@ class RegionCutter {
   bool cut(MeshBatch& batch);
 
  private:
-  bool dropOutsideMasks(MeshBatch& batch);
-  bool cutAt(const RegionWall& wall, std::uint64_t number, MeshBatch& batch);
+  // `depth` of a place is that behind the wall; without a wall triangles go as a whole.
+  template <typename Depth>
+  bool cutAt(const Depth& depth, const RegionWall* wall, std::uint64_t number, MeshBatch& batch);
   std::uint32_t vertexBetween(const RegionWall& wall, std::uint64_t number, std::uint32_t inside,
                               std::uint32_t outside, MeshBatch& batch);
 
@@ -41,7 +42,6 @@ class RegionCutter {
   std::vector<double> depths_;          // of vertices
   std::vector<EdgeKey> keys_;           // of vertices; kNoEdge of those that no other batch has
   std::vector<std::uint32_t> numbers_;  // scratch
-  std::vector<std::uint8_t> stays_;     // of vertices
   RawVector<std::uint32_t> triangles_;  // those that stay
   std::unordered_map<std::uint64_t, std::uint32_t> made_;  // by the two ends
 };

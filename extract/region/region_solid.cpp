@@ -11,6 +11,7 @@
 
 #include "isobrick/extract/crossing_grid.h"
 #include "isobrick/extract/kernels/crossing.h"
+#include "isobrick/extract/region/region_cutter.h"
 #include "isobrick/storage/brick_supply.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -120,7 +121,15 @@ void SolidCrossings::move(MeshBatch& batch) {
                     batch.origin + Index3(glm::ceil(upper))) == BoxSide::kInside)
     return;
   is_moved_.resize(batch.positions.size());
-  for (std::uint32_t v = 0; v < is_moved_.size(); ++v) is_moved_[v] = moveVertex(v, batch);
+  // Where a plane lies in one of the lattice's, crossings in it are on the cut as they are.
+  const auto isOnWall = [&](std::uint32_t v) {
+    const glm::dvec3 place = glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
+    return std::ranges::any_of(field_.walls(), [&](const RegionWall& wall) {
+      return std::abs(wall.depth(place)) < RegionCutter::kNear;
+    });
+  };
+  for (std::uint32_t v = 0; v < is_moved_.size(); ++v)
+    is_moved_[v] = moveVertex(v, batch) || isOnWall(v);
   putCapsLast(batch);
   for (const MaskReader& reader : readers_) reader.throwIfReadsFailed();
 }

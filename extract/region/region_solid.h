@@ -30,7 +30,7 @@ class SolidCrossings {
   SolidCrossings(const RegionField& field, const GridGeometry& geometry, const CancelFlag* cancel);
 
   // Moves crossings of a batch of solidPyramid() to the cut, where it comes before the isovalue;
-  // their normals are those of the cut. Triangles all of whose corners were moved are caps, and
+  // their normals are those of the cut. Triangles all of whose corners lie on it are caps, and
   // come last. Throws what MaskReader does.
   void move(MeshBatch& batch);
 
@@ -42,7 +42,7 @@ class SolidCrossings {
   const RegionField& field_;
   std::vector<MaskReader> readers_;
   glm::dmat3 to_normal_;
-  std::vector<std::uint8_t> is_moved_;  // of vertices
+  std::vector<std::uint8_t> is_moved_;  // of vertices, or on the cut anyway
   RawVector<std::uint32_t> caps_;
 };
 

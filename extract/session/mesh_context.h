@@ -27,13 +27,13 @@ struct MeshContext {
   std::uint64_t edition = 0;             // of the pyramid's file when the query began
   ResidencyOracle* residency = nullptr;  // of a progressive query
   const RegionField* region = nullptr;   // of the query, if it has one
+  const CapBorder border = CapBorder(pyramid.lattice(), query);
 
   const Lattice& lattice() const { return pyramid.lattice(); }
 
   // False if neither the isosurface nor a cap reaches the brick (rule 7).
   bool mayCross(int level, const Index3& brick) const {
-    return !query.cull_by_ranges ||
-           CapBorder(lattice(), query).reachesBrick(pyramid, level, brick, isovalue);
+    return !query.cull_by_ranges || border.reachesBrick(pyramid, level, brick, isovalue);
   }
 
   // The bricks of the next finer level that cover the same cells.
@@ -57,7 +57,7 @@ struct MeshContext {
   // The tiles of the brick that the isosurface may cross, or a cap may lie in.
   void crossedTiles(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
     read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
-    CapBorder(lattice(), query).findTiles(pyramid, level, brick, isovalue, out, query.cancel);
+    border.findTiles(pyramid, level, brick, isovalue, out, query.cancel);
   }
 
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <utility>
 
 #include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/extract/region/region_cutter.h"
@@ -25,12 +26,6 @@ std::uint64_t keptBytes(const PlacedBatch& placed) {
   return of(placed.batch.positions) + of(placed.batch.normals) + of(placed.batch.triangles) +
          of(placed.batch.shared) + of(placed.known) + of(placed.numbers) + of(placed.bytes) +
          of(placed.world) + of(placed.values) + of(placed.components);
-}
-
-std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
-  if (!context.query.simplify) return std::nullopt;
-  return SimplifySpace::of(*context.query.simplify, context.pyramid.spec().geometry,
-                           context.pyramid.spec().voxels);
 }
 
 }  // namespace
@@ -59,11 +54,6 @@ void BatchRing::giveBack(PlacedBatch* batch) {
   idle_.push_back(batch);
 }
 
-JobBoard::JobBoard(BatchRing& ring, std::size_t jobs, const CancelFlag* cancel)
-    : ring_(ring), jobs_(jobs), cancel_(cancel), meshed_(ring.size()) {
-  ring_.begin();
-}
-
 JobBoard::Task JobBoard::next() {
   // A signal handler can only set the flag, so no call wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(1);
@@ -81,99 +71,59 @@ JobBoard::Task JobBoard::next() {
 
 // Tasks that make room come first.
 std::optional<JobBoard::Task> JobBoard::taskAtHand() {
-  if (!to_write_.empty()) {
-    const Task task{Step::kWrite, to_write_.front()};
-    to_write_.pop_front();
+  const auto takeFirst = [](std::deque<Job>& jobs, Step step) {
+    Task task{step, std::move(jobs.front())};
+    jobs.pop_front();
     return task;
-  }
-  std::optional<Job>& first = meshed_[placed_ % meshed_.size()];
-  if (!is_placing_ && first) {
+  };
+  if (!to_write_.empty()) return takeFirst(to_write_, Step::kWrite);
+  for (Line* const line : {&of_bricks_, &of_groups_}) {
+    if (is_placing_ || !line->made.contains(line->placed)) continue;
     is_placing_ = true;
-    const Task task{Step::kPlace, *first};
-    first.reset();
-    return task;
+    return Task{Step::kPlace, std::move(line->made.extract(line->placed).mapped())};
   }
-  const bool is_cancelled = cancel_ != nullptr && cancel_->requested();
-  if (is_cancelled) return std::nullopt;
-  if (!groups_to_do_.empty()) {
-    Task task = std::move(groups_to_do_.front());
-    groups_to_do_.pop_front();
-    return task;
-  }
-  if (const auto next = groups_done_.find(groups_placed_);
-      !is_placing_ && next != groups_done_.end()) {
-    is_placing_ = true;
-    Task task = std::move(next->second);
-    groups_done_.erase(next);
-    task.step = Step::kPlaceGroup;
-    return task;
-  }
-  if (begun_ == jobs_ || bytes_ > kMostBytes || !ring_.hasIdle()) return std::nullopt;
-  return Task{Step::kMesh, {begun_++, ring_.take(), 0}};
+  if (isCancelled()) return std::nullopt;
+  if (!groups_to_make_.empty()) return takeFirst(groups_to_make_, Step::kMake);
+  if (of_bricks_.begun == bricks_ || bytes_ > kMostBytes || !ring_.hasIdle()) return std::nullopt;
+  return Task{Step::kMake, {of_bricks_.begun++, ring_.take(), nullptr, 0}};
 }
 
 bool JobBoard::isAllDone() const {
-  const bool is_cancelled = cancel_ != nullptr && cancel_->requested();
-  return placed_ == begun_ && (is_cancelled || (begun_ == jobs_ && groups_placed_ == groups_));
+  return of_bricks_.placed == of_bricks_.begun &&
+         (isCancelled() || (of_bricks_.begun == bricks_ && of_groups_.placed == of_groups_.begun));
 }
 
-void JobBoard::finish(const Task& task) {
-  {
-    const std::lock_guard lock(mutex_);
-    switch (task.step) {
-      case Step::kMesh:
-        bytes_ += task.job.bytes;
-        meshed_[task.job.work % meshed_.size()] = task.job;
-        break;
-      case Step::kPlace:
-        is_placing_ = false;
-        ++placed_;
-        to_write_.push_back(task.job);
-        break;
-      case Step::kWrite:
-        bytes_ -= task.job.bytes;
-        ring_.giveBack(task.job.batch);
-        break;
-      case Step::kSimplifyGroup:
-        bytes_ += task.group->bytes();
-        bytes_ -= task.bytes;
-        groups_done_[task.number] = task;
-        groups_done_[task.number].bytes = task.group->bytes();
-        break;
-      case Step::kPlaceGroup:
-        is_placing_ = false;
-        ++groups_placed_;
-        groups_to_do_.push_front(task);
-        groups_to_do_.front().step = Step::kWriteGroup;
-        break;
-      case Step::kWriteGroup:
-        bytes_ -= task.bytes;
-        break;
-      case Step::kEnd:
-        break;
+void JobBoard::finish(Task task) {
+  change([&] {
+    Job& job = task.job;
+    Line& line = lineOf(job);
+    if (task.step == Step::kMake) {
+      const std::uint64_t made = job.group ? job.group->bytes() : job.batch->batch.bytes();
+      bytes_ += made - std::exchange(job.bytes, made);
+      line.made.emplace(job.number, std::move(job));
+    } else if (task.step == Step::kPlace) {
+      is_placing_ = false;
+      ++line.placed;
+      to_write_.push_back(std::move(job));
+    } else if (task.step == Step::kWrite) {
+      bytes_ -= job.bytes;
+      if (job.group == nullptr) ring_.giveBack(job.batch);
     }
-  }
-  changed_.notify_all();
+  });
 }
 
 void JobBoard::add(GroupSorter::Groups groups) {
-  {
-    const std::lock_guard lock(mutex_);
+  change([&] {
     for (std::unique_ptr<BatchGroup>& group : groups) {
       const std::uint64_t bytes = group->bytes();
       bytes_ += bytes;
-      groups_to_do_.push_back({Step::kSimplifyGroup, {}, groups_++, std::move(group), bytes});
+      groups_to_make_.push_back({of_groups_.begun++, nullptr, std::move(group), bytes});
     }
-  }
-  changed_.notify_all();
+  });
 }
 
 void JobBoard::fail() {
-  {
-    const std::lock_guard lock(mutex_);
-    has_failed_ = true;
-  }
-  changed_.notify_all();
+  change([&] { has_failed_ = true; });
 }
 
 std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const TriangleSink& sink) {
@@ -181,122 +131,161 @@ std::unique_ptr<GroupSorter> makeGroupSorter(const MeshContext& context, const T
   return std::make_unique<GroupSorter>(context.pyramid.layout().brickCells());
 }
 
+namespace {
+
+// The bricks of some work on their way to a sink; each member is a step of a job.
+class BrickLine {
+ public:
+  BrickLine(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
+            TriangleSink& sink, std::vector<LevelCounts>& counts, GroupSorter* groups,
+            const WorkPart& part)
+      : context_(context),
+        work_(work),
+        memory_(memory),
+        sink_(sink),
+        counts_(counts),
+        groups_(groups),
+        part_(part),
+        threads_(tbb::this_task_arena::max_concurrency()),
+        board_(memory.ringOf(kBatchesPerThread * static_cast<std::size_t>(threads_)), work.size(),
+               context.query.cancel),
+        ahead_(context, work),
+        keeps_remains_(simplifiesGroups(context.query)) {
+    if (context.query.simplify)
+      space_ = SimplifySpace::of(*context.query.simplify, context.pyramid.spec().geometry,
+                                 context.pyramid.spec().voxels);
+  }
+
+  void run() {
+    if (work_.empty()) endGroups();
+    isolatedForEach(0, threads_, [&](int) {
+      try {
+        for (auto task = board_.next(); task.step != JobBoard::Step::kEnd; task = board_.next()) {
+          if (task.step == JobBoard::Step::kMake) make(task.job);
+          if (task.step == JobBoard::Step::kPlace) place(task.job);
+          if (task.step == JobBoard::Step::kWrite) write(task.job);
+          board_.finish(std::move(task));
+        }
+      } catch (...) {
+        board_.fail();
+        throw;
+      }
+    });
+  }
+
+ private:
+  // A sink that waits for tasks of its own must not begin one that waits for this sink.
+  static void give(const auto& call) { tbb::this_task_arena::isolate(call); }
+  // Bricks that become groups do not reach the sink themselves.
+  bool isForSink(const JobBoard::Job& job) const {
+    return groups_ == nullptr || job.group != nullptr;
+  }
+
+  void make(const JobBoard::Job& job) {
+    PlacedBatch& placed = job.placed();
+    if (job.group == nullptr) ahead_.reached(job.number);
+    try {
+      if (job.group != nullptr)
+        memory_.workers.local().simplifier.simplifyGroup(*space_, context_.query.cancel,
+                                                         *job.group);
+      else
+        mesh(work_[job.number], placed);
+      if (isForSink(job) && !placed.batch.triangles.empty()) give([&] { sink_.prepare(placed); });
+    } catch (const Cancelled&) {
+      placed.batch.clear();
+    }
+    if (job.group != nullptr) return;
+    context_.throwIfReadsFailed();
+    context_.noteDone(shareOf(++meshed_));
+  }
+
+  void mesh(const BrickWork& work, PlacedBatch& placed) {
+    MeshBatch& batch = placed.batch;
+    batch.clear();
+    batch.level = work.level;
+    batch.brick = work.brick;
+    batch.is_uniform = !work.adaptive;
+    batch.fraction_done = shareOf(static_cast<std::size_t>(&work - work_.data()) + 1);
+    MeshWorker& worker = memory_.workers.local();
+    if (work.adaptive)
+      worker.adaptive.mesh(context_, work, batch);
+    else
+      worker.uniform.mesh(context_, work, batch);
+    if (context_.region != nullptr && context_.query.cap)
+      solids_.local().move(batch);
+    else if (context_.region != nullptr)
+      cutters_.local().cut(batch);
+    if (keeps_remains_ && placed.remains == nullptr)
+      placed.remains = std::make_shared<SimplifyRemains>();
+    if (space_)
+      worker.simplifier.simplify(*space_, context_.query.cancel, batch,
+                                 keeps_remains_ ? placed.remains.get() : nullptr);
+  }
+
+  void place(const JobBoard::Job& job) {
+    PlacedBatch& placed = job.placed();
+    const MeshBatch& batch = placed.batch;
+    LevelCounts& level = counts_[static_cast<std::size_t>(batch.level)];
+    if (!batch.triangles.empty() && !context_.isCancelled()) {
+      if (job.group == nullptr) {
+        context_.read_log.note(context_.pyramid.parts().brickRow(batch.level, batch.brick),
+                               ReadLog::kActive);
+        level.cells += batch.cells;
+        level.transition_cells += batch.transition_cells;
+      }
+      if (isForSink(job)) {
+        level.triangles += batch.triangles.size() / 3;
+        level.cap_triangles += batch.cap_indices / 3;
+        give([&] { sink_.place(placed); });
+      } else {
+        board_.add(groups_->add(placed));
+      }
+    }
+    if (job.group == nullptr && job.number + 1 == work_.size()) endGroups();
+  }
+
+  void write(const JobBoard::Job& job) {
+    PlacedBatch& placed = job.placed();
+    if (isForSink(job) && !placed.batch.triangles.empty() && !context_.isCancelled())
+      give([&] { sink_.write(placed); });
+  }
+
+  // When there is nothing more to place.
+  void endGroups() {
+    if (groups_ != nullptr && part_.end == 1) board_.add(groups_->takeRest());
+  }
+  // Of all bricks, when so many of the work are done.
+  double shareOf(std::size_t bricks) const {
+    return part_.at(static_cast<double>(bricks) / static_cast<double>(work_.size()));
+  }
+
+  const MeshContext& context_;
+  const std::span<const BrickWork> work_;
+  MeshMemory& memory_;
+  TriangleSink& sink_;
+  std::vector<LevelCounts>& counts_;
+  GroupSorter* const groups_;
+  const WorkPart part_;
+  const int threads_;
+  JobBoard board_;
+  ReadAhead ahead_;
+  const bool keeps_remains_;
+  std::optional<SimplifySpace> space_;
+  std::atomic<std::size_t> meshed_{0};
+  tbb::enumerable_thread_specific<RegionCutter> cutters_{
+      [this] { return RegionCutter(*context_.region, context_.query.cancel); }};
+  tbb::enumerable_thread_specific<SolidCrossings> solids_{[this] {
+    return SolidCrossings(*context_.region, context_.pyramid.spec().geometry,
+                          context_.query.cancel);
+  }};
+};
+
+}  // namespace
+
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
                  TriangleSink& sink, std::vector<LevelCounts>& counts, GroupSorter* groups,
                  const WorkPart& part) {
-  const int threads = tbb::this_task_arena::max_concurrency();
-  JobBoard board(memory.ringOf(kBatchesPerThread * static_cast<std::size_t>(threads)), work.size(),
-                 context.query.cancel);
-  ReadAhead ahead(context, work);
-  const std::optional<SimplifySpace> space = simplifySpace(context);
-  const bool keeps_remains = simplifiesGroups(context.query);
-  tbb::enumerable_thread_specific<RegionCutter> cutters(
-      [&] { return RegionCutter(*context.region, context.query.cancel); });
-  tbb::enumerable_thread_specific<SolidCrossings> solids([&] {
-    return SolidCrossings(*context.region, context.pyramid.spec().geometry, context.query.cancel);
-  });
-
-  // A sink that waits for tasks of its own must not begin one that waits for this sink.
-  const auto give = [](const auto& call) { tbb::this_task_arena::isolate(call); };
-  std::atomic<std::size_t> meshed{0};
-  const auto mesh = [&](JobBoard::Job& job) {
-    MeshBatch& batch = job.batch->batch;
-    batch.clear();
-    ahead.reached(job.work);
-    batch.level = work[job.work].level;
-    batch.brick = work[job.work].brick;
-    batch.is_uniform = !work[job.work].adaptive;
-    batch.fraction_done =
-        part.at(static_cast<double>(job.work + 1) / static_cast<double>(work.size()));
-    MeshWorker& worker = memory.workers.local();
-    try {
-      if (work[job.work].adaptive)
-        worker.adaptive.mesh(context, work[job.work], batch);
-      else
-        worker.uniform.mesh(context, work[job.work], batch);
-      if (context.region != nullptr && context.query.cap)
-        solids.local().move(batch);
-      else if (context.region != nullptr)
-        cutters.local().cut(batch);
-      if (keeps_remains && job.batch->remains == nullptr)
-        job.batch->remains = std::make_shared<SimplifyRemains>();
-      if (space)
-        worker.simplifier.simplify(*space, context.query.cancel, batch,
-                                   keeps_remains ? job.batch->remains.get() : nullptr);
-      if (!batch.triangles.empty() && groups == nullptr) give([&] { sink.prepare(*job.batch); });
-    } catch (const Cancelled&) {
-      batch.clear();
-    }
-    context.throwIfReadsFailed();
-    context.noteDone(part.at(static_cast<double>(++meshed) / static_cast<double>(work.size())));
-    job.bytes = batch.bytes();
-  };
-  const auto place = [&](const JobBoard::Job& job) {
-    const MeshBatch& batch = job.batch->batch;
-    const BrickWork& item = work[job.work];
-    if (batch.triangles.empty() || context.isCancelled()) return;
-    context.read_log.note(context.pyramid.parts().brickRow(item.level, item.brick),
-                          ReadLog::kActive);
-    LevelCounts& level = counts[static_cast<std::size_t>(item.level)];
-    level.cells += batch.cells;
-    level.transition_cells += batch.transition_cells;
-    if (groups != nullptr) {
-      board.add(groups->add(*job.batch));
-      return;
-    }
-    level.triangles += batch.triangles.size() / 3;
-    level.cap_triangles += batch.cap_indices / 3;
-    give([&] { sink.place(*job.batch); });
-  };
-  const auto write = [&](const JobBoard::Job& job) {
-    if (!job.batch->batch.triangles.empty() && groups == nullptr && !context.isCancelled())
-      give([&] { sink.write(*job.batch); });
-  };
-  const auto simplify = [&](BatchGroup& group) {
-    try {
-      memory.workers.local().simplifier.simplifyGroup(*space, context.query.cancel, group);
-      give([&] { sink.prepare(group.placed); });
-    } catch (const Cancelled&) {
-      group.placed.batch.clear();
-    }
-  };
-  const auto placeGroup = [&](BatchGroup& group) {
-    const MeshBatch& batch = group.placed.batch;
-    if (batch.triangles.empty() || context.isCancelled()) return;
-    counts[0].triangles += batch.triangles.size() / 3;
-    counts[0].cap_triangles += batch.cap_indices / 3;
-    give([&] { sink.place(group.placed); });
-  };
-  const auto writeGroup = [&](BatchGroup& group) {
-    if (!group.placed.batch.triangles.empty() && !context.isCancelled())
-      give([&] { sink.write(group.placed); });
-  };
-  // When there is nothing more to place.
-  const auto endGroups = [&] {
-    if (groups != nullptr && part.end == 1) board.add(groups->takeRest());
-  };
-  if (work.empty()) endGroups();
-  const auto workOn = [&](int) {
-    try {
-      for (auto task = board.next(); task.step != JobBoard::Step::kEnd; task = board.next()) {
-        using enum JobBoard::Step;
-        if (task.step == kMesh) mesh(task.job);
-        if (task.step == kPlace) {
-          place(task.job);
-          if (task.job.work + 1 == work.size()) endGroups();
-        }
-        if (task.step == kWrite) write(task.job);
-        if (task.step == kSimplifyGroup) simplify(*task.group);
-        if (task.step == kPlaceGroup) placeGroup(*task.group);
-        if (task.step == kWriteGroup) writeGroup(*task.group);
-        board.finish(task);
-      }
-    } catch (...) {
-      board.fail();
-      throw;
-    }
-  };
-  isolatedForEach(0, threads, workOn);
+  BrickLine(context, work, memory, sink, counts, groups, part).run();
 }
 
 }  // namespace isobrick

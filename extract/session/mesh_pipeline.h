@@ -52,61 +52,74 @@ class BatchRing {
   std::uint64_t idle_bytes_ = 0;  // that they keep
 };
 
-// Decides the next task of a thread: jobs 0, 1, 2, ... are meshed by any threads, placed in their
-// order by one at a time, and written by any. Groups that come up when jobs are placed are
-// simplified, placed and written likewise, in the order in which they came.
+// Decides the next task of a thread. Bricks 0, 1, 2, ... are meshed by any threads, placed in their
+// order by one at a time, and written by any. Groups, which come up when bricks are placed, go the
+// same way beside them, in the order in which they came.
 //
-// No job is begun while batches that are meshed and not written yet hold more than kMostBytes; one
-// batch for each thread comes on top. A job that was begun never waits for room, so there is always
-// one that goes on. All members are thread-safe.
+// No brick is begun while what is made and not written yet holds more than kMostBytes; one batch
+// for each thread comes on top. A job that was begun never waits for room, so there is always one
+// that goes on. All members are thread-safe.
 class JobBoard {
  public:
   static constexpr std::uint64_t kMostBytes = std::uint64_t{16} << 20;
 
-  enum class Step { kMesh, kPlace, kWrite, kSimplifyGroup, kPlaceGroup, kWriteGroup, kEnd };
   struct Job {
-    std::size_t work = 0;
-    PlacedBatch* batch = nullptr;
-    std::uint64_t bytes = 0;  // of the batch, once it is meshed
+    std::size_t number = 0;             // among the bricks, or among the groups
+    PlacedBatch* batch = nullptr;       // of a brick
+    std::shared_ptr<BatchGroup> group;  // or the group
+    std::uint64_t bytes = 0;            // that count for it
+
+    PlacedBatch& placed() const { return group != nullptr ? group->placed : *batch; }
   };
+  enum class Step { kMake, kPlace, kWrite, kEnd };
   struct Task {
     Step step = Step::kEnd;
     Job job;
-    std::size_t number = 0;  // of the group
-    std::shared_ptr<BatchGroup> group = nullptr;
-    std::uint64_t bytes = 0;  // that count for the group
   };
 
-  // `ring` has as many batches as jobs may be under way; `cancel` may be null. Both outlive it.
-  JobBoard(BatchRing& ring, std::size_t jobs, const CancelFlag* cancel);
+  // `ring` has as many batches as bricks may be under way; `cancel` may be null. Both outlive it.
+  JobBoard(BatchRing& ring, std::size_t bricks, const CancelFlag* cancel)
+      : ring_(ring), bricks_(bricks), cancel_(cancel) {
+    ring_.begin();
+  }
 
   // Waits for something to do. kEnd if no task is left for this thread: all jobs are placed, those
   // that were begun before a request to cancel are, or fail() was called.
   Task next();
   // Reports a task of next() as done.
-  void finish(const Task& task);
+  void finish(Task task);
   // Before a task is reported as done.
   void add(GroupSorter::Groups groups);
   // Ends all waiting; no task is given out any more.
   void fail();
 
  private:
-  std::optional<Task> taskAtHand();
+  // Jobs of one kind.
+  struct Line {
+    std::size_t begun = 0, placed = 0;
+    std::map<std::size_t, Job> made;  // and not placed, by number
+  };
+  Line& lineOf(const Job& job) { return job.group != nullptr ? of_groups_ : of_bricks_; }
+  void change(const auto& how) {
+    {
+      const std::lock_guard lock(mutex_);
+      how();
+    }
+    changed_.notify_all();
+  }
+  bool isCancelled() const { return cancel_ != nullptr && cancel_->requested(); }
   bool isAllDone() const;
+  std::optional<Task> taskAtHand();
 
   BatchRing& ring_;
-  const std::size_t jobs_;
+  const std::size_t bricks_;
   const CancelFlag* const cancel_;
   std::mutex mutex_;  // guards all below, and the ring
   std::condition_variable changed_;
-  std::size_t begun_ = 0, placed_ = 0;
+  Line of_bricks_, of_groups_;
   bool is_placing_ = false, has_failed_ = false;
-  std::vector<std::optional<Job>> meshed_;  // job n in place n % size
-  std::deque<Job> to_write_;
-  std::deque<Task> groups_to_do_;            // to simplify or to write
-  std::map<std::size_t, Task> groups_done_;  // simplified, by number
-  std::size_t groups_ = 0, groups_placed_ = 0;
-  std::uint64_t bytes_ = 0;  // of batches and groups that are meshed and not written
+  std::deque<Job> groups_to_make_, to_write_;
+  std::uint64_t bytes_ = 0;  // of what is made and not written
 };
 
 // The memory that stays from query to query. Serves one query at a time.

@@ -99,11 +99,8 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
   checkChoice(pyramid, query);
   for (const DetailChoice& choice : query.or_finer) checkChoice(pyramid, choice);
   if (query.box) checkBox(*query.box);
-  if (!query.region.isEverywhere()) {
-    const RegionField checked(query.region, pyramid);
-    if (query.cap && (!query.isOfLevelZero() || query.is_progressive))
-      throw Error("caps where a region cuts need level 0 everywhere; ask for that, or for no caps");
-  }
+  if (!query.region.isEverywhere() && query.cap && (!query.isOfLevelZero() || query.is_progressive))
+    throw Error("caps where a region cuts need level 0 everywhere; ask for that, or for no caps");
   if (query.cap && query.box && query.is_progressive)
     throw Error(
         "a progressive query with a box has no caps, as the box grows with the levels that are in "

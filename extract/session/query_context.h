@@ -13,7 +13,7 @@
 namespace isobrick {
 
 // Throws Error if a number is not finite or out of its range, if parts of the query exclude each
-// other, and if the pyramid lacks what the query needs.
+// other, and if the pyramid lacks what the query needs. QueryContext checks the region.
 void checkQuery(const Pyramid& pyramid, const Query& query);
 
 // The inputs of the workers of one query. Their pyramid is that of the object within the region, if

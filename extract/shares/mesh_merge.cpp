@@ -407,43 +407,52 @@ class IdleBatches {
   std::vector<MergedBatch*> idle_;
 };
 
-}  // namespace
-
-namespace {
+// Passes what read() gives through the other calls, place() in its order, until that is null.
+template <typename Token>
+void runPipeline(const auto& read, const auto& prepare, const auto& place, const auto& write) {
+  using enum tbb::filter_mode;
+  const auto readNext = [&](tbb::flow_control& control) -> Token {
+    Token token = read();
+    if (token == nullptr) control.stop();
+    return token;
+  };
+  const auto passOn = [](const auto& call) {
+    return [&call](Token token) {
+      call(*token);
+      return token;
+    };
+  };
+  // As the loops of storage/isolated_loop.h.
+  tbb::task_group_context isolated(tbb::task_group_context::isolated);
+  tbb::parallel_pipeline(batchesAtOnce(),
+                         tbb::make_filter<void, Token>(serial_in_order, readNext) &
+                             tbb::make_filter<Token, Token>(parallel, passOn(prepare)) &
+                             tbb::make_filter<Token, Token>(serial_in_order, passOn(place)) &
+                             tbb::make_filter<Token, void>(parallel, write),
+                         isolated);
+}
 
 // Passes on the batches as they are.
 void mergeBatches(const ShareList& list, TriangleSink& sink, const CancelFlag* cancel) {
   RecordReader reader(list);
   IdleBatches idle(batchesAtOnce());
-  using enum tbb::filter_mode;
-  const auto read = [&](tbb::flow_control& control) -> MergedBatch* {
+  const auto read = [&]() -> MergedBatch* {
     if (cancel != nullptr) cancel->check();
     MergedBatch* const merged = idle.take();
-    if (reader.read(*merged)) return merged;
-    control.stop();
-    return nullptr;
+    return reader.read(*merged) ? merged : nullptr;
   };
-  const auto prepare = [&](MergedBatch* merged) {
-    decode(*merged, list.frame().voxels, false);
-    sink.prepare(merged->placed);
-    return merged;
+  const auto prepare = [&](MergedBatch& merged) {
+    decode(merged, list.frame().voxels, false);
+    sink.prepare(merged.placed);
   };
-  const auto place = [&](MergedBatch* merged) {
-    if (!merged->placed.batch.triangles.empty()) sink.place(merged->placed);
-    return merged;
+  const auto place = [&](MergedBatch& merged) {
+    if (!merged.placed.batch.triangles.empty()) sink.place(merged.placed);
   };
   const auto write = [&](MergedBatch* merged) {
     if (!merged->placed.batch.triangles.empty()) sink.write(merged->placed);
     idle.giveBack(merged);
   };
-  // As the loops of storage/isolated_loop.h.
-  tbb::task_group_context isolated(tbb::task_group_context::isolated);
-  tbb::parallel_pipeline(batchesAtOnce(),
-                         tbb::make_filter<void, MergedBatch*>(serial_in_order, read) &
-                             tbb::make_filter<MergedBatch*, MergedBatch*>(parallel, prepare) &
-                             tbb::make_filter<MergedBatch*, MergedBatch*>(serial_in_order, place) &
-                             tbb::make_filter<MergedBatch*, void>(parallel, write),
-                         isolated);
+  runPipeline<MergedBatch*>(read, prepare, place, write);
 }
 
 // Puts them into groups and simplifies these. Returns the triangles that are left.
@@ -460,8 +469,7 @@ std::uint64_t mergeGroups(const ShareList& list, TriangleSink& sink, const Cance
   bool has_ended = false;
   std::uint64_t triangles = 0;
   tbb::enumerable_thread_specific<BatchSimplifier> simplifiers;
-  using enum tbb::filter_mode;
-  const auto read = [&](tbb::flow_control& control) -> Group {
+  const auto read = [&]() -> Group {
     while (whole.empty() && !has_ended) {
       if (cancel != nullptr) cancel->check();
       has_ended = !reader.read(merged);
@@ -469,34 +477,23 @@ std::uint64_t mergeGroups(const ShareList& list, TriangleSink& sink, const Cance
       for (auto& group : has_ended ? sorter.takeRest() : sorter.add(merged.placed))
         whole.push_back(std::move(group));
     }
-    if (whole.empty()) {
-      control.stop();
-      return nullptr;
-    }
+    if (whole.empty()) return nullptr;
     Group group = std::move(whole.front());
     whole.pop_front();
     return group;
   };
-  const auto simplify = [&](Group group) {
-    simplifiers.local().simplifyGroup(space, cancel, *group);
-    sink.prepare(group->placed);
-    return group;
+  const auto simplify = [&](BatchGroup& group) {
+    simplifiers.local().simplifyGroup(space, cancel, group);
+    sink.prepare(group.placed);
   };
-  const auto place = [&](Group group) {
-    triangles += group->placed.batch.triangles.size() / 3;
-    if (!group->placed.batch.triangles.empty()) sink.place(group->placed);
-    return group;
+  const auto place = [&](BatchGroup& group) {
+    triangles += group.placed.batch.triangles.size() / 3;
+    if (!group.placed.batch.triangles.empty()) sink.place(group.placed);
   };
   const auto write = [&](const Group& group) {
     if (!group->placed.batch.triangles.empty()) sink.write(group->placed);
   };
-  tbb::task_group_context isolated(tbb::task_group_context::isolated);
-  tbb::parallel_pipeline(batchesAtOnce(),
-                         tbb::make_filter<void, Group>(serial_in_order, read) &
-                             tbb::make_filter<Group, Group>(parallel, simplify) &
-                             tbb::make_filter<Group, Group>(serial_in_order, place) &
-                             tbb::make_filter<Group, void>(parallel, write),
-                         isolated);
+  runPipeline<Group>(read, simplify, place, write);
   return triangles;
 }
 

@@ -1,6 +1,7 @@
 // Several surfaces in one file: objects with names and colours of their own.
 #pragma once
 
+#include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
 #include <optional>
@@ -14,6 +15,7 @@ namespace isobrick {
 struct MeshObject {
   std::string name;                     // UTF-8
   std::optional<glm::vec3> color = {};  // sRGB, 0 .. 1
+  std::uint64_t label = 0;              // of makeLabelCollection()
 };
 
 // A file of several surfaces. Used by one thread at a time, but its sinks as others.
@@ -33,5 +35,12 @@ class MeshCollection {
 // other endings, options that the format has not, and a path that cannot be written.
 std::unique_ptr<MeshCollection> makeMeshCollection(const std::string& path,
                                                    const MeshFileOptions& options = {});
+
+// The same for the surfaces of labels, and for .ply, .vtp and .obj too. These hold one mesh, whose
+// sinks are filled one after the other. In .ply and .vtp vertices have the label as their last
+// attribute, `label`, a whole number of 32 bits; add() throws Error for a greater one. In .obj each
+// label is a group of the object's name.
+std::unique_ptr<MeshCollection> makeLabelCollection(const std::string& path,
+                                                    const MeshFileOptions& options = {});
 
 }  // namespace isobrick

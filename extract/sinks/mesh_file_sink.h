@@ -23,6 +23,9 @@ class MeshFileSink : public TriangleSink {
   // After finish(): words on what the format did not keep of the mesh, with figures. Empty:
   // nothing.
   virtual std::string loss() const { return {}; }
+  // Between batches: those that come are of another object of the file's one mesh, with no vertex
+  // of those before. In .obj its triangles are groups of this name.
+  virtual void beginObject(const std::string&) {}
   // After begin(): words on what the format says that nobody knows of the mesh. Empty: nothing.
   virtual std::string assumption() const { return {}; }
 };

@@ -60,6 +60,7 @@ class PlacedSink : public MeshFileSink {
   void place(PlacedBatch& placed) override { sink_->place(placed); }
   void write(PlacedBatch& placed) override { sink_->write(placed); }
   void finish() override { sink_->finish(); }
+  void beginObject(const std::string& name) override { sink_->beginObject(name); }
   std::uint64_t vertices() const override { return sink_->vertices(); }
   std::string loss() const override { return sink_->loss(); }
   std::string assumption() const override { return sink_->assumption(); }

@@ -85,7 +85,7 @@ class MeshoptSink : public NumberedSink {
 
   MeshoptPiece makePiece(PlacedBatch& placed) const {
     const MeshBatch& batch = placed.batch;
-    findAllVertices(placed);
+    findVertices(placed, true);
     MeshoptPiece piece;
     piece.positions.reserve(placed.world.size());
     for (const glm::dvec3& world : placed.world) piece.positions.push_back(lattice_.nearest(world));

@@ -7,11 +7,10 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
-#include "isobrick/extract/sinks/nearest_parts.h"
-
 namespace isobrick {
-
 namespace {
+
+double squaredLength(const glm::dvec3& v) { return glm::dot(v, v); }
 
 glm::dvec3 nearestOnSegment(const glm::dvec3& point, const glm::dvec3& from, const glm::dvec3& to) {
   const glm::dvec3 along = to - from;
@@ -33,22 +32,14 @@ glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const
     return point - glm::dot(point - a, normal) / square * normal;
   const std::array<glm::dvec3, 3> on_sides{
       nearestOnSegment(point, a, b), nearestOnSegment(point, b, c), nearestOnSegment(point, c, a)};
-  const auto squareTo = [&](const glm::dvec3& place) {
-    return glm::dot(place - point, place - point);
-  };
-  return *std::ranges::min_element(on_sides, {}, squareTo);
+  return *std::ranges::min_element(
+      on_sides, {}, [&](const glm::dvec3& place) { return squaredLength(place - point); });
 }
 
 double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                        const glm::dvec3& c) {
-  const glm::dvec3 away = point - nearestOnTriangle(point, a, b, c);
-  return glm::dot(away, away);
+  return squaredLength(point - nearestOnTriangle(point, a, b, c));
 }
-namespace {
-
-double squaredLength(const glm::dvec3& v) { return glm::dot(v, v); }
-
-}  // namespace
 
 NearestParts::NearestParts(std::vector<glm::dvec3> points, double reach, double cell_edge)
     : points_(std::move(points)), reach_(reach * cell_edge), nearest_(points_.size()) {}

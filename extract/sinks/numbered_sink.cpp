@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "isobrick/extract/pyramid_values.h"
@@ -43,10 +44,14 @@ void NumberedMesh::place(PlacedBatch& placed) {
   caps_ += placed.batch.cap_indices / 3;
 }
 
-template <typename ForEach>
-void NumberedMesh::findWorld(PlacedBatch& placed, const ForEach& for_each) const {
+void NumberedMesh::findVertices(PlacedBatch& placed, bool all) const {
   std::vector<std::uint32_t> vertices;
-  for_each([&](std::size_t v) { vertices.push_back(static_cast<std::uint32_t>(v)); });
+  if (all) {
+    vertices.resize(placed.batch.positions.size());
+    std::iota(vertices.begin(), vertices.end(), 0u);
+  } else {
+    forEachNew(placed, [&](std::size_t v) { vertices.push_back(static_cast<std::uint32_t>(v)); });
+  }
   const auto find = [&](const WorldPlacement& placement) {
     placed.world.clear();
     for (const std::uint32_t v : vertices)
@@ -55,16 +60,6 @@ void NumberedMesh::findWorld(PlacedBatch& placed, const ForEach& for_each) const
   find(frame_.placed ? volume_placement_ : placement_);
   findValues(placed, vertices);
   if (frame_.placed) find(placement_);
-}
-
-void NumberedMesh::findVertices(PlacedBatch& placed) const {
-  findWorld(placed, [&](const auto& f) { forEachNew(placed, f); });
-}
-
-void NumberedMesh::findAllVertices(PlacedBatch& placed) const {
-  findWorld(placed, [&](const auto& f) {
-    for (std::size_t v = 0; v < placed.batch.positions.size(); ++v) f(v);
-  });
 }
 
 void NumberedMesh::findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const {

@@ -38,6 +38,7 @@ class NumberedMesh : public MeshFileSink {
   void begin(const MeshFrame& frame) override;
   // Numbers vertices and triangles.
   void place(PlacedBatch& placed) override;
+  void beginObject(const std::string&) override { numbering_.forgetKeys(); }
   std::uint64_t vertices() const override { return numbering_.count(); }
 
  protected:
@@ -60,11 +61,9 @@ class NumberedMesh : public MeshFileSink {
   void putValue(BytePointer& to, const VertexAttribute& attribute, double value) const;
   // Of placed.world[i], if there are colours; sRGB.
   glm::vec3 colorOf(const PlacedBatch& placed, std::size_t i) const;
-  // Fills placed.world, and placed.values, attribute by attribute: of the new vertices, in
-  // their order.
-  void findVertices(PlacedBatch& placed) const;
-  // The same for all vertices of the batch.
-  void findAllVertices(PlacedBatch& placed) const;
+  // Fills placed.world, and placed.values, attribute by attribute: of the new vertices, or of all
+  // of the batch, in their order.
+  void findVertices(PlacedBatch& placed, bool all = false) const;
   // The place of the first index of a cap among the batch's triangles.
   static std::size_t firstCapIndex(const MeshBatch& batch) {
     return batch.triangles.size() - batch.cap_indices;
@@ -91,9 +90,6 @@ class NumberedMesh : public MeshFileSink {
   std::uint64_t caps_ = 0;  // those of them that are caps
 
  private:
-  // `for_each` calls its argument with the index of every vertex that is wanted.
-  template <typename ForEach>
-  void findWorld(PlacedBatch& placed, const ForEach& for_each) const;
   // Of `vertices`, those of placed.world, in the volume's world.
   void findValues(PlacedBatch& placed, std::span<const std::uint32_t> vertices) const;
 

@@ -1,4 +1,5 @@
 // Wavefront OBJ.
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstring>
@@ -63,9 +64,18 @@ class ObjSink : public NumberedSink {
 
   void begin(const MeshFrame& frame) override {
     NumberedSink::begin(frame);
+    has_groups_ = has_groups_ || frame_.has_caps;
     const std::string header = makeHeader();
     file_.write(header.data(), header.size());
     next_byte_ = header.size();
+  }
+  void beginObject(const std::string& name) override {
+    NumberedSink::beginObject(name);
+    std::string group = name;
+    std::ranges::replace(group, ' ', '_');  // a space parts names
+    surface_group_ = "g " + group + "\n";
+    cap_group_ = "g " + group + "_cap\n";
+    has_groups_ = true;
   }
   void place(PlacedBatch& placed) override {
     NumberedSink::place(placed);
@@ -101,10 +111,10 @@ class ObjSink : public NumberedSink {
     const std::vector<std::uint32_t>& numbers = placed.numbers;
     const auto& corners = placed.batch.triangles;
     for (std::size_t i = 0; i < corners.size(); i += 3) {
-      if (frame_.has_caps && i == firstCapIndex(placed.batch))
-        to.put(kCapGroup);
-      else if (frame_.has_caps && i == 0)
-        to.put(kSurfaceGroup);
+      if (has_groups_ && i == firstCapIndex(placed.batch))
+        to.put(cap_group_);
+      else if (has_groups_ && i == 0)
+        to.put(surface_group_);
       to.put("f");
       for (std::size_t c = i; c < i + 3; ++c)
         to.putCorner(std::uint64_t{numbers[corners[c]]} + 1, cornerWidth(placed));
@@ -118,9 +128,6 @@ class ObjSink : public NumberedSink {
   }
 
  private:
-  // The groups of caps and of other triangles, if there are caps.
-  static constexpr std::string_view kCapGroup = "g cap\n", kSurfaceGroup = "g surface\n";
-
   // Always as long.
   std::string makeHeader() const {
     const auto padded = [](std::uint64_t count) {
@@ -144,15 +151,18 @@ class ObjSink : public NumberedSink {
     const std::size_t normal = 3 * (1 + kFloatWidth) + 3;
     const std::size_t face = 3 * (1 + cornerWidth(placed)) + 2;
     std::size_t groups = 0;
-    if (frame_.has_caps) {
-      groups += firstCapIndex(placed.batch) > 0 ? kSurfaceGroup.size() : 0;
-      groups += placed.batch.cap_indices > 0 ? kCapGroup.size() : 0;
+    if (has_groups_) {
+      groups += firstCapIndex(placed.batch) > 0 ? surface_group_.size() : 0;
+      groups += placed.batch.cap_indices > 0 ? cap_group_.size() : 0;
     }
     return newVertices(placed) * (position + normal) + placed.batch.triangles.size() / 3 * face +
            groups;
   }
 
   std::uint64_t next_byte_ = 0;
+  // Lines before caps and before other triangles, if there are caps or objects.
+  bool has_groups_ = false;
+  std::string cap_group_ = "g cap\n", surface_group_ = "g surface\n";
 };
 
 }  // namespace

@@ -9,8 +9,10 @@
 #include <cstdio>
 #include <deque>
 #include <limits>
+#include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/extract/sinks/gltf_text.h"
@@ -89,7 +91,10 @@ class ThreeMfObjectSink : public NumberedMesh {
   void finish() override {
     object_.vertex_count = vertices();
     object_.triangle_count = triangles_;
+    if (file_ != nullptr) file_->finish();
   }
+  // Of a file of this object alone.
+  void finishWith(std::unique_ptr<MeshCollection> file) { file_ = std::move(file); }
   std::string loss() const override {
     if (!double_precision_) return {};
     return "most readers compute in single precision, which moves vertices so far from the origin";
@@ -104,6 +109,7 @@ class ThreeMfObjectSink : public NumberedMesh {
 
  private:
   ThreeMfObject& object_;
+  std::unique_ptr<MeshCollection> file_;
 };
 
 std::string xmlText(const std::string& text) {
@@ -262,6 +268,9 @@ class ThreeMfFile : public MeshCollection {
       : options_(options), file_(path) {}
 
   std::unique_ptr<MeshFileSink> add(const MeshObject& object) override {
+    return makeObject(object);
+  }
+  std::unique_ptr<ThreeMfObjectSink> makeObject(const MeshObject& object) {
     objects_.emplace_back(file_.path(), object);
     return std::make_unique<ThreeMfObjectSink>(file_.path(), options_, objects_.back());
   }
@@ -278,33 +287,14 @@ class ThreeMfFile : public MeshCollection {
   std::deque<ThreeMfObject> objects_;
 };
 
-// A file of one object.
-class ThreeMfSink : public MeshFileSink {
- public:
-  ThreeMfSink(const std::string& path, const MeshFileOptions& options)
-      : file_(path, options), object_(file_.add({})) {}
-
-  void begin(const MeshFrame& frame) override { object_->begin(frame); }
-  void place(PlacedBatch& placed) override { object_->place(placed); }
-  void write(PlacedBatch& placed) override { object_->write(placed); }
-  void finish() override {
-    object_->finish();
-    file_.finish();
-  }
-  std::uint64_t vertices() const override { return object_->vertices(); }
-  std::string loss() const override { return object_->loss(); }
-  std::string assumption() const override { return object_->assumption(); }
-
- private:
-  ThreeMfFile file_;
-  const std::unique_ptr<MeshFileSink> object_;
-};
-
 }  // namespace
 
 std::unique_ptr<MeshFileSink> makeThreeMfSink(const std::string& path,
                                               const MeshFileOptions& options) {
-  return std::make_unique<ThreeMfSink>(path, options);
+  auto file = std::make_unique<ThreeMfFile>(path, options);
+  auto object = file->makeObject({});
+  object->finishWith(std::move(file));
+  return object;
 }
 
 std::unique_ptr<MeshCollection> makeThreeMfCollection(const std::string& path,

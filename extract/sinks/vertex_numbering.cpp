@@ -24,9 +24,11 @@ void VertexNumbering::place(PlacedBatch& placed) {
 }
 
 void VertexNumbering::clear() {
-  shared_->clear();
+  forgetKeys();
   count_ = 0;
 }
+
+void VertexNumbering::forgetKeys() { shared_->clear(); }
 
 std::size_t VertexNumbering::remembered() const { return shared_->size(); }
 

@@ -27,6 +27,8 @@ class VertexNumbering {
 
   // Begins a new mesh; keeps the memory.
   void clear();
+  // Vertices that come from now on are others than those so far, whatever their keys.
+  void forgetKeys();
 
   // Vertices so far.
   std::uint64_t count() const { return count_; }

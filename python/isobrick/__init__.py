@@ -17,7 +17,7 @@ from ._core import Cancel
 from ._errors import Cancelled, Error
 from ._isosurface import isosurface, marching_cubes
 from ._level import Level
-from ._mesh import Mesh
+from ._mesh import Mesh, save_together
 from ._pyramid import (
     Damage,
     Histogram,
@@ -65,4 +65,5 @@ __all__ = [
     "marching_cubes",
     "merge",
     "open",
+    "save_together",
 ]

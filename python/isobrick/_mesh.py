@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._attributes import Colors
+from ._errors import Error
 from ._query import ExtractReport, MeshQuality, Space, make_report, placement_of
 
 if TYPE_CHECKING:
@@ -171,3 +172,43 @@ class Mesh:
         )
         mesh.vertex_normals = open3d.utility.Vector3dVector(self.normals.astype(np.float64))
         return mesh
+
+
+def save_together(
+    path: str | os.PathLike[str],
+    meshes: Mapping[str, Mesh] | Mapping[int, Mesh],
+    *,
+    colors: Mapping[Any, Sequence[float]] | None = None,
+    zlib: bool = False,
+    meshopt: bool = False,
+    space: Space = "LPS",
+    unit: str | None = None,
+    shift: Sequence[float] = (0, 0, 0),
+) -> None:
+    """Writes several meshes to one file: ``save_together("head.glb", {"skin": skin, "bone": bone})``.
+
+    A ``.glb`` or ``.3mf`` has an object for each. Meshes of labels go into one mesh as well, of ``.ply``, ``.vtp`` or
+    ``.obj``: ``save_together("parts.ply", {i: isobrick.isosurface(ids, label=i) for i in (3, 7)})``. A mesh without
+    triangles is left out, and so are attributes. A file of that name is replaced.
+
+    Parameters
+    ----------
+    path
+        its ending is the format
+    meshes
+        by name; or by label, a whole number, whose name is "label 3". In ``.ply`` and ``.vtp`` the points of labels,
+        below 2**32, have a whole number ``label``, in ``.obj`` the triangles are groups of these names
+    colors
+        of some or all of the meshes in ``.glb`` and ``.3mf``, by the same keys: (red, green, blue), sRGB, 0 to 1
+    zlib, meshopt, space, unit, shift
+        as for ``Mesh.save``
+    """
+    if not meshes:
+        raise Error("there is no mesh to write; give one")
+    are_labels = all(isinstance(key, int | np.integer) for key in meshes)
+    objects = []
+    for key, mesh in meshes.items():
+        color = (colors or {}).get(key)
+        name, label = (f"label {key}", int(key)) if are_labels else (str(key), 0)
+        objects.append((mesh._handle, name, label, None if color is None else tuple(map(float, color))))
+    _core.save_together(objects, os.fspath(path), are_labels, zlib, meshopt, placement_of(space, unit, shift))

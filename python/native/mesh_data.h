@@ -73,15 +73,14 @@ class MeshData {
   // Writes the file that an extraction straight into it writes, to the byte. Attributes are its
   // own.
   void save(const std::string& path, MeshFileOptions options) const;
+  // All batches into a sink.
+  void passTo(TriangleSink& sink, const CancelFlag* cancel) const;
   MeshQuality check(const CancelFlag* cancel) const;
 
  private:
   SurfaceMesh surface_;
   MeshFrame frame_;
   ExtractionReport report_;
-  // All batches into a sink.
-  void passTo(TriangleSink& sink, const CancelFlag* cancel) const;
-
   std::vector<MeshField> fields_;
   std::vector<std::unique_ptr<RoomyBytes>> value_bytes_;  // of each field; null: not asked for yet
   RoomyBytes point_bytes_, level_bytes_, cap_bytes_;

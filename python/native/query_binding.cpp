@@ -251,27 +251,18 @@ std::optional<VertexColors> readColors(const nb::object& from,
   return colors;
 }
 
-// The values of a pyramid, and the pyramid that they hold on to, in one.
-struct HeldValues : VertexValues {
-  HeldValues(std::shared_ptr<const Pyramid> of, Sampling sampling)
-      : pyramid(std::move(of)), field(*pyramid, sampling) {}
-  void evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3> normals,
-                std::span<double> out) const override {
-    field.evaluate(world, normals, out);
-  }
-  std::shared_ptr<const Pyramid> pyramid;
-  PyramidValues field;
-};
-struct HeldThickness : VertexValues {
-  HeldThickness(std::shared_ptr<const Pyramid> of, const Query& query, double most)
-      : pyramid(std::move(of)), field(*pyramid, query.isovalue, most, query.inside) {}
-  void evaluate(std::span<const glm::dvec3> world, std::span<const glm::vec3> normals,
-                std::span<double> out) const override {
-    field.evaluate(world, normals, out);
-  }
-  std::shared_ptr<const Pyramid> pyramid;
-  WallThickness field;
-};
+// A field of a pyramid, which holds on to that.
+template <typename Field, typename... Arguments>
+std::shared_ptr<const VertexValues> fieldOn(std::shared_ptr<const Pyramid> pyramid,
+                                            Arguments... arguments) {
+  struct Held {
+    std::shared_ptr<const Pyramid> pyramid;
+    Field field;
+  };
+  const Pyramid& of = *pyramid;
+  const std::shared_ptr<Held> held(new Held{std::move(pyramid), Field(of, arguments...)});
+  return {held, &held->field};
+}
 
 // `pyramid` and `extractor`: of the surface; null if there is none.
 MeshField fieldOf(const FieldWish& wish, const Query& query,
@@ -282,13 +273,14 @@ MeshField fieldOf(const FieldWish& wish, const Query& query,
                 "' needs a pyramid of the volume; build one, and extract from it");
   MeshField field{wish.name, AttributeType::kFloat32, nullptr};
   if (wish.kind == "value") {
-    field.values = std::make_shared<HeldValues>(wish.pyramid, Sampling::kTrilinear);
+    field.values = fieldOn<PyramidValues>(wish.pyramid, Sampling::kTrilinear);
   } else if (wish.kind == "nearest") {
-    field.values = std::make_shared<HeldValues>(wish.pyramid, Sampling::kNearest);
+    field.values = fieldOn<PyramidValues>(wish.pyramid, Sampling::kNearest);
     field.type = labelTypeOf(*wish.pyramid);
   } else if (wish.kind == "thickness") {
-    field.values = std::make_shared<HeldThickness>(
-        pyramid, query, wish.number.value_or(std::numeric_limits<double>::infinity()));
+    field.values = fieldOn<WallThickness>(
+        pyramid, query.isovalue, wish.number.value_or(std::numeric_limits<double>::infinity()),
+        query.inside);
   } else if (!wish.path.empty()) {
     field.values = std::make_shared<MeshDistance>(readMeshFile(wish.path));
   } else {
@@ -391,6 +383,27 @@ void saveMesh(const MeshHandle& mesh, const std::string& path, const nb::object&
                            .placement = readPlacement(placement),
                            .zlib = zlib,
                            .meshopt = meshopt});
+  });
+}
+
+// A mesh in a file of several: its name, its label and its colour.
+using ObjectTuple =
+    std::tuple<MeshHandle, std::string, std::uint64_t, std::optional<std::array<float, 3>>>;
+
+void saveTogether(const std::vector<ObjectTuple>& meshes, const std::string& path, bool are_labels,
+                  bool zlib, bool meshopt, const PlacementTuple& placement) {
+  runInterruptibly({}, [&](CallState& state) {
+    const auto make = are_labels ? makeLabelCollection : makeMeshCollection;
+    const auto file = make(path, {.cancel = &state.cancel(),
+                                  .placement = readPlacement(placement),
+                                  .zlib = zlib,
+                                  .meshopt = meshopt});
+    for (const auto& [mesh, name, label, color] : meshes) {
+      MeshObject object{.name = name, .label = label};
+      if (color) object.color = glm::vec3((*color)[0], (*color)[1], (*color)[2]);
+      mesh.data->passTo(*file->add(object), &state.cancel());
+    }
+    file->finish();
   });
 }
 
@@ -677,6 +690,8 @@ void bindQueries(nb::module_& module) {
            })
       .def("save", &saveMesh, nb::arg("path"), nb::arg("colors").none(), nb::arg("zlib"),
            nb::arg("meshopt"), nb::arg("placement"));
+  module.def("save_together", &saveTogether, nb::arg("meshes"), nb::arg("path"),
+             nb::arg("are_labels"), nb::arg("zlib"), nb::arg("meshopt"), nb::arg("placement"));
   module.def("merge_shares", &mergeShares, nb::arg("paths"), nb::arg("out"), nb::arg("zlib"),
              nb::arg("meshopt"), nb::arg("placement"), nb::arg("force"), nb::arg("threads"),
              nb::arg("cancel").none(),

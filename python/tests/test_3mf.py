@@ -95,3 +95,42 @@ def test_the_library_of_the_format_reads_it(ball: isobrick.Pyramid, tmp_path: Pa
     mesh = meshes.GetCurrentMeshObject()
     assert mesh.IsManifoldAndOriented()
     assert (mesh.GetVertexCount(), mesh.GetTriangleCount()) == (len(points), len(faces))
+
+
+def test_several_in_one_file(ball: isobrick.Pyramid, tmp_path: Path) -> None:
+    """As `extract --together` does."""
+    meshes = {"outer": ball.extract(0), "inner": ball.extract(4.5)}
+    isobrick.save_together(tmp_path / "all.3mf", meshes, colors={"inner": (1, 0.5, 0)})
+    model, points, faces = read_plain(tmp_path / "all.3mf")
+    assert [o.get("name") for o in model.iter(CORE + "object")] == ["outer", "inner"]
+    assert len(points) == sum(len(mesh.points) for mesh in meshes.values())
+    assert len(faces) == sum(len(mesh.faces) for mesh in meshes.values())
+    assert [b.get("displaycolor") for b in model.iter(CORE + "base")] == ["#FF8000"]
+    with pytest.raises(isobrick.Error, match=r"write \.glb or \.3mf"):
+        isobrick.save_together(tmp_path / "all.ply", meshes)
+    isobrick.save_together(tmp_path / "all.glb", meshes)
+    trimesh = pytest.importorskip("trimesh")
+    assert set(trimesh.load(tmp_path / "all.glb").geometry) == {"outer", "inner"}
+
+
+def test_labels_of_one_mesh(tmp_path: Path) -> None:
+    """Their ids are exact, whatever the format."""
+    ids = np.zeros((20, 21, 22), np.uint32)
+    ids[3:9, 4:12, 5:15] = 3
+    ids[9:17, 4:12, 5:15] = 2**32 - 1
+    meshes = {int(i): isobrick.isosurface(ids, label=int(i)) for i in (3, 2**32 - 1)}
+    isobrick.save_together(tmp_path / "all.ply", meshes)
+    header, _, body = (tmp_path / "all.ply").read_bytes().partition(b"end_header\n")
+    assert b"property uint label\n" in header
+    vertex = np.dtype([("p", "<f4", 3), ("n", "<f4", 3), ("label", "<u4")])
+    face = np.dtype([("three", "u1"), ("v", "<u4", 3), ("level", "u1")])
+    sizes = [len(mesh.points) for mesh in meshes.values()]
+    vertices = np.frombuffer(body, vertex, sum(sizes))
+    expected = np.repeat(np.array(list(meshes), np.uint32), sizes)
+    np.testing.assert_array_equal(vertices["label"], expected)
+    np.testing.assert_array_equal(vertices["p"], np.concatenate([mesh.points for mesh in meshes.values()]))
+    of_faces = expected[np.frombuffer(body, face, offset=vertices.nbytes)["v"]]
+    assert (of_faces == of_faces[:, :1]).all()
+    isobrick.save_together(tmp_path / "all.obj", meshes)
+    groups = [line for line in (tmp_path / "all.obj").read_text().splitlines() if line.startswith("g ")]
+    assert list(dict.fromkeys(groups)) == ["g label_3", "g label_4294967295"]

@@ -122,6 +122,71 @@ TEST_F(MeshCollectionTest, AGlbHasANodeForEachSurface) {
   }
 }
 
+// One mesh, in which each label is what it is alone.
+TEST_F(MeshCollectionTest, LabelsOfOneMeshAreExact) {
+  const std::uint64_t labels[] = {16777217, 3, 4294967295};
+  const auto isovalueOf = [&](std::uint64_t label) {
+    return label == 3 ? 6.0 : label == 16777217 ? 0.0 : 15.0;
+  };
+  const auto writeAll = [&](const std::string& path) {
+    const auto all = makeLabelCollection(path);
+    for (const std::uint64_t label : labels) {
+      const auto sink = all->add({.name = "label " + std::to_string(label), .label = label});
+      extract(*sink, isovalueOf(label));
+    }
+    all->finish();
+  };
+  const auto dataOf = [](const std::string& bytes) {
+    return bytes.substr(bytes.find("end_header\n") + 11);
+  };
+  writeAll(folder_.file("all.ply"));
+  const std::string all = readBytes(folder_.file("all.ply"));
+  EXPECT_NE(all.find("property uint label\n"), std::string::npos);
+  const std::string data = dataOf(all);
+  constexpr std::size_t kVertex = 24, kFace = 14;
+  std::string vertices, faces;  // as they are alone
+  std::uint32_t first = 0;
+  for (const std::uint64_t label : labels) {
+    const auto alone = makeMeshFileSink(folder_.file("one.ply"));
+    extract(*alone, isovalueOf(label));
+    const std::string one = dataOf(readBytes(folder_.file("one.ply")));
+    const std::size_t count = alone->vertices();
+    const auto id = static_cast<std::uint32_t>(label);
+    for (std::size_t v = 0; v < count; ++v)
+      vertices += one.substr(kVertex * v, kVertex) +
+                  std::string(reinterpret_cast<const char*>(&id), sizeof id);
+    for (std::size_t at = kVertex * count; at < one.size(); at += kFace) {
+      std::uint32_t corners[3];
+      std::memcpy(corners, &one[at + 1], sizeof corners);
+      for (std::uint32_t& corner : corners) corner += first;
+      faces += one[at];
+      faces.append(reinterpret_cast<const char*>(corners), sizeof corners);
+      faces += one[at + 13];
+    }
+    first += static_cast<std::uint32_t>(count);
+  }
+  EXPECT_TRUE(data == vertices + faces);
+
+  writeAll(folder_.file("all.vtp"));
+  EXPECT_NE(readBytes(folder_.file("all.vtp")).find("\"UInt32\" Name=\"label\""),
+            std::string::npos);
+  writeAll(folder_.file("all.obj"));
+  const std::string text = readBytes(folder_.file("all.obj"));
+  std::size_t place = 0;
+  for (const std::uint64_t label : labels) {
+    place = text.find("\ng label_" + std::to_string(label) + "\n", place);
+    EXPECT_NE(place, std::string::npos) << label;
+  }
+  writeAll(folder_.file("all.glb"));
+  EXPECT_EQ(GlbFile(readBytes(folder_.file("all.glb"))).json["materials"][0]["name"],
+            "label 16777217");
+
+  const MeshObject large{.name = "label 4294967296", .label = 4294967296};
+  EXPECT_THROW(makeLabelCollection(folder_.file("large.ply"))->add(large), Error);
+  EXPECT_NO_THROW(makeLabelCollection(folder_.file("large.obj"))->add(large));
+  EXPECT_THROW(makeLabelCollection(folder_.file("all.stl")), Error);
+}
+
 TEST_F(MeshCollectionTest, NothingIsLeftOfOneThatEndsEarly) {
   for (const char* name : {"all.glb", "all.3mf"}) {
     {

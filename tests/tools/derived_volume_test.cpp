@@ -63,6 +63,52 @@ TEST_F(DerivedVolumeTest, LabelsAreExact) {
   EXPECT_EQ(bytesOf("one.ply"), bytesOf("m-9007199254740993.ply"));
 }
 
+TEST_F(DerivedVolumeTest, LabelsGoTogetherInOneFile) {
+  writeNrrd<std::uint64_t>("ids.nrrd", "uint64", labelAt);
+  const std::string labels = "16777216,16777217";
+  const Json json =
+      runForJson({"extract", "ids.nrrd", "--label", labels, "--together", "-o", "all.ply"});
+  const std::string all = bytesOf("all.ply");
+  EXPECT_NE(all.find("property uint label\n"), std::string::npos);
+  runWell({"extract", "ids.nrrd", "--label", labels, "-o", "m.ply"});
+  const auto dataOf = [](const std::string& bytes) {
+    return bytes.substr(bytes.find("end_header\n") + 11);
+  };
+  std::string vertices;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto id = static_cast<std::uint32_t>(kLabels[i]);
+    const auto count = json["surfaces"][i]["vertices"].get<std::size_t>();
+    const std::string one = dataOf(bytesOf("m-" + std::to_string(kLabels[i]) + ".ply"));
+    for (std::size_t v = 0; v < count; ++v)
+      vertices += one.substr(24 * v, 24) + std::string(reinterpret_cast<const char*>(&id), 4);
+  }
+  EXPECT_TRUE(dataOf(all).starts_with(vertices));
+
+  // Of a pyramid, capped, as groups; in a scene, with colours.
+  runWell({"build", "ids.nrrd", "-o", "ids.isb"});
+  expectFailure(2,
+                {"extract", "ids.isb", "--label", "0,16777216", "--together", "--color", "1,0,0",
+                 "-o", "a.glb"},
+                "--color is wanted once");
+  writeNrrd<std::uint8_t>("u8.nrrd", "uint8", [](auto x, auto, auto) { return x / 20; });
+  runWell({"build", "u8.nrrd", "-o", "u8.isb"});
+  runWell({"extract", "u8.isb", "--label", "0,1", "--together", "--cap", "-o", "a.obj"});
+  const std::string text = bytesOf("a.obj");
+  for (const char* group : {"\ng label_0\n", "\ng label_0_cap\n", "\ng label_1_cap\n"})
+    EXPECT_NE(text.find(group), std::string::npos) << group;
+  runWell({"extract", "u8.isb", "--label", "0,1", "--together", "--color", "1,0,0", "--color",
+           "0,0,1", "-o", "a.glb"});
+  EXPECT_NE(bytesOf("a.glb").find("\"name\":\"label 1\""), std::string::npos);
+  expectFailure(1,
+                {"extract", "ids.nrrd", "--label", "9007199254740993", "--together", "-o", "b.ply"},
+                "is no number of 32 bits");
+  expectFailure(2,
+                {"extract", "u8.isb", "--label", "0,1", "--together", "--attribute",
+                 "nearest:u8.isb", "-o", "b.ply"},
+                "--together of labels");
+  EXPECT_FALSE(fs::exists(path("b.ply")));
+}
+
 TEST_F(DerivedVolumeTest, LabelsOfAllKinds) {
   const auto ball = [](std::int64_t x, std::int64_t y, std::int64_t z) {
     const auto at = glm::dvec3(x, y, z) - glm::dvec3(19.3, 18.9, 20.2);

@@ -40,6 +40,12 @@ class ViewCommandTest : public CommandTest {
         {"wait": "settled"}, {"shown_mesh": "shown.ply"}]})");
   }
 
+  // Triangles of the mesh that a script writes.
+  std::string facesOf(const char* name) {
+    const std::string file = readBytes(path(std::string("frames/") + name));
+    const std::size_t at = file.find("element face ") + 13;
+    return file.substr(at, file.find('\n', at) - at);
+  }
   void write(const std::string& name, const std::string& text) {
     std::ofstream(path(name)) << text;
   }
@@ -67,6 +73,16 @@ class ViewCommandTest : public CommandTest {
     EXPECT_GT(report["each_frame"].back()["triangles"], 100);
   }
 };
+
+TEST_F(ViewCommandTest, ShowsWhatARegionLeaves) {
+  write("cut.json", R"({"size": [200, 150], "steps": [
+      {"set": {"surfaces": [{"isovalue": 0}], "focus": {"radius": 1000}}}, {"wait": "settled"},
+      {"shown_mesh": "cut.ply"}]})");
+  runWell({"view", "sphere.isb", "--clip", "1,0,0,20", "--offscreen", "--script", "cut.json",
+           "--frames", "frames"});
+  const Json cut = runForJson({"extract", "sphere.isb", "--iso", "0", "--clip", "1,0,0,20"});
+  EXPECT_EQ(facesOf("cut.ply"), std::to_string(cut["triangles"].get<int>()));
+}
 
 TEST_F(ViewCommandTest, AScriptRunsWithoutAWindow) {
   EXPECT_EQ(runWell({"view", "sphere.isb", "--offscreen", "--script", "script.json", "--frames",

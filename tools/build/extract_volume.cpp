@@ -105,7 +105,7 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
   results.open_seconds = open_seconds;
   const std::vector<std::string> names = meshNames(arguments);
   ProgressBar bar(0, "million triangles");
-  const auto together = collectionOf(arguments, stream.pyramid(), fields);
+  MeshCollection* const together = collectionOf(arguments, stream.pyramid(), fields);
   std::vector<std::unique_ptr<ExtractedSurface>> surfaces;
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
@@ -128,7 +128,7 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
     results.surfaces.push_back(surfaces[i]->end([&] { return stream.range(); }));
     results.surfaces.back().moved = moved;
   }
-  if (together) together->finish();
+  if (together && !arguments.label) together->finish();
   return results;
 }
 

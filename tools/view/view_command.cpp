@@ -16,6 +16,8 @@
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
+#include "tools/query_options.h"
+#include "tools/region_options.h"
 #include "tools/shared_options.h"
 #include "tools/view/build_volume.h"
 
@@ -26,6 +28,7 @@ struct ViewArguments {
   ViewOptions options;
   PixelSize size{options.width, options.height};
   VolumeInput input;
+  RegionOptions region;
   std::optional<double> preview_share;
   bool force = false;
 };
@@ -52,6 +55,11 @@ int runViewCommand(ViewArguments& arguments) {
     findPyramid(arguments.input, options.threads, options.memory_bytes);
     options.path = arguments.input.pyramid;
   }
+  findMasks(arguments.region, arguments.input.cache_folder, options.threads, options.memory_bytes);
+  // They share the memory with the volume.
+  options.memory_bytes /= 1 + arguments.region.masks.size();
+  openMasks(arguments.region, options.memory_bytes, FileAccess::kMap, options.remote);
+  options.region = makeRegion(arguments.region, false, {});
   options.build = volumeBuilder({arguments.input, options.threads + 1, arguments.preview_share});
   // A file that a script opens was not chosen by the user.
   if (options.script_path.empty()) options.recent_path = recentFilesPath();
@@ -96,6 +104,7 @@ Command addViewCommand(CLI::App& app) {
   CLI::Option* const file = addVolumeInput(*sub, arguments->input);
   file->description(file->get_description() + "; default: chosen in the window");
   addVolumeOptions(*sub, arguments->input);
+  addRegionOptions(*sub, arguments->region, false);
   addParsedOption(
       *sub, "--preview-share", arguments->preview_share, numberFrom(0), "S",
       "Share of a build's time that previews may take; 0: none are made; default: that of "

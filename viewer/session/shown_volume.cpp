@@ -8,8 +8,14 @@
 namespace isobrick {
 
 ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
-                         const std::optional<PreviewOf>& preview_of, std::vector<double> isovalues)
-    : pyramid_(std::move(pyramid)), preview_of_(preview_of) {
+                         const std::optional<PreviewOf>& preview_of, std::vector<double> isovalues,
+                         SurfaceRegion region)
+    : pyramid_(std::move(pyramid)), preview_of_(preview_of), region_(std::move(region)) {
+  for (HalfSpace& half_space : region_.half_spaces) half_space.offset /= step();
+  for (RegionBall& ball : region_.balls) {
+    ball.center /= step();
+    ball.radius /= step();
+  }
   volume_.voxels = pyramid_->spec().voxels;
   volume_.geometry = pyramid_->spec().geometry;
   volume_.least_value = pyramid_->realRange().min;
@@ -60,6 +66,14 @@ SurfaceWish ShownVolume::wishOf(const ViewState& state, double height) const {
 }
 
 Query ShownVolume::queryOf(const SurfaceWish& wish, std::size_t surface, double radius) const {
+  Query query = wholeQueryOf(wish, surface, radius);
+  if (region_.isEverywhere()) return query;
+  query.region = region_;
+  query.cap = false;  // that would need level 0 at once
+  return query;
+}
+
+Query ShownVolume::wholeQueryOf(const SurfaceWish& wish, std::size_t surface, double radius) const {
   Query query = isobrick::queryOf(wish, volume_, surface, radius);
   if (isOfOneLevel(wish, radius)) {
     query.focus.reset();

@@ -19,9 +19,9 @@ namespace isobrick {
 // preview.
 class ShownVolume {
  public:
-  // `isovalues`: that are suggested.
+  // `isovalues`: that are suggested; `region`: all that is shown, in voxels of the volume.
   ShownVolume(std::shared_ptr<const Pyramid> pyramid, const std::optional<PreviewOf>& preview_of,
-              std::vector<double> isovalues);
+              std::vector<double> isovalues, SurfaceRegion region = {});
 
   const ViewVolume& volume() const { return volume_; }
   const std::shared_ptr<const Pyramid>& pyramid() const { return pyramid_; }
@@ -51,10 +51,12 @@ class ShownVolume {
  private:
   bool isOfOneLevel(const SurfaceWish& wish, double radius) const;
   int levelOf(double radius) const;
+  Query wholeQueryOf(const SurfaceWish& wish, std::size_t surface, double radius) const;
 
   const std::shared_ptr<const Pyramid> pyramid_;
   const std::optional<PreviewOf> preview_of_;
   ViewVolume volume_;
+  SurfaceRegion region_;  // in samples
 };
 
 }  // namespace isobrick

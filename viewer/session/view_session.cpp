@@ -27,7 +27,7 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& 
 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
                          SceneRenderer& renderer, const SessionOptions& options)
-    : shown_(std::move(pyramid), options.preview_of, histogram.isovalues),
+    : shown_(std::move(pyramid), options.preview_of, histogram.isovalues, options.region),
       histogram_(std::move(histogram)),
       renderer_(&renderer),
       state_(firstView(volume(), 1.0)),
@@ -383,9 +383,8 @@ std::vector<ColoredPieces> ViewSession::coloredPieces() const {
 }
 
 VolumeShow::Showing VolumeShow::showingOf(OpenedVolume opened, SceneRenderer& renderer) const {
-  SessionOptions options = options_;
-  options.preview_of = opened.preview_of;
-  auto session = std::make_unique<ViewSession>(opened.file, opened.histogram, renderer, options);
+  auto session =
+      std::make_unique<ViewSession>(opened.file, opened.histogram, renderer, options_.of(opened));
   return {std::move(opened), std::move(session)};
 }
 

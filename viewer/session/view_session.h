@@ -37,6 +37,18 @@ struct SessionOptions {
   // Given if the pyramid is a preview. It is then shown as fine as it is, whatever the view's
   // settings; view and volume() are those of the volume, but for the range of its values.
   std::optional<PreviewOf> preview_of = {};
+  // Surfaces are shown within it alone, open where it ends and, since they are progressive, without
+  // caps; in voxels of the volume.
+  SurfaceRegion region = {};
+  std::string region_of = {};  // the source of that volume; others are shown as a whole
+
+  // Of a session that shows `opened`.
+  SessionOptions of(const OpenedVolume& opened) const {
+    SessionOptions options = *this;
+    options.preview_of = opened.preview_of;
+    if (opened.source != region_of) options.region = {};
+    return options;
+  }
 };
 
 // Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds

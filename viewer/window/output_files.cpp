@@ -167,10 +167,8 @@ bool PictureQueue::goOn(double seconds, SceneRenderer& renderer, UploadAllowance
     return true;
   }
   if (!session_) {
-    SessionOptions options = options_;
-    options.preview_of = order.opened.preview_of;
-    session_ =
-        std::make_unique<ViewSession>(order.opened.file, order.opened.histogram, renderer, options);
+    session_ = std::make_unique<ViewSession>(order.opened.file, order.opened.histogram, renderer,
+                                             options_.of(order.opened));
     session_->apply(InputEvent::resized(order.width, order.height), seconds, false);
     session_->show(order.state);
   }

@@ -63,7 +63,7 @@ class ViewLoop {
         player_(readScript(options)),
         target_(host.target ? std::move(host.target) : makeTarget(options, player_)),
         panel_(std::make_unique<ViewPanel>(target_->scale(), *target_)),
-        sessions_{options.threads, options.gpu_budget_bytes},
+        sessions_{options.threads, options.gpu_budget_bytes, {}, options.region, path_},
         files_(options.state_path, options.frames_folder, sessions_),
         volumes_(options, sessions_, *target_, files_),
         input_(*target_),

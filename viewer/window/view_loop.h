@@ -20,6 +20,7 @@ struct ViewOptions {
   RemoteOptions remote;            // if it is behind a URL
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
+  SurfaceRegion region;                // of the volume at `path`: all that is shown of it
   std::string state_path;              // a view to begin with; empty: none
   std::string script_path;             // empty: input comes from the user
   std::string frames_folder = ".";     // where a script's files go

@@ -170,6 +170,19 @@ TEST_F(SurfaceRegionTest, ACapClosesHalfABall) {
   EXPECT_GT(flat, 500u);
 }
 
+// All of it counts as a cap, and its edge is that of the surface in that plane.
+TEST_F(SurfaceRegionTest, ACapInAPlaneOfTheLatticeIsADisc) {
+  Query query;
+  query.cap = true;
+  for (const double sign : {1.0, -1.0}) {
+    query.region.half_spaces = {{{sign, 0, 0}, sign * 24}};
+    const double disc = kPi * (kRadius * kRadius - std::pow(24 - kCenter.x, 2));
+    EXPECT_NEAR(capAreaOf(*ball_, query), disc, 0.003 * disc);
+    const IndexedMesh mesh = meshWithin(*ball_, query);
+    EXPECT_TRUE(checkMesh(mesh.positions, mesh.triangles).ok());
+  }
+}
+
 TEST_F(SurfaceRegionTest, TheTwoSidesOfAPlaneAreTheBall) {
   Query query;
   query.cap = true;

@@ -77,6 +77,28 @@ class ViewSessionTest : public ::testing::Test {
   double clock_ = 0.0;
 };
 
+// Of the region's volume alone, and in samples of a preview.
+TEST_F(ViewSessionTest, ARegionCutsAllSurfaces) {
+  settle();
+  const std::uint64_t whole = trianglesShown();
+  SessionOptions options{2};
+  options.region.half_spaces = {{{1, 0, 0}, 30}};
+  options.region_of = "ball";
+  session_ = std::make_unique<ViewSession>(pyramid_, renderer_, options);
+  session_->apply(InputEvent::resized(200, 100), 0.0, false);
+  settle();
+  EXPECT_NEAR(static_cast<double>(trianglesShown()), static_cast<double>(whole) / 2,
+              static_cast<double>(whole) / 20);
+  OpenedVolume opened;
+  opened.source = "ball";
+  EXPECT_EQ(options.of(opened).region, options.region);
+  opened.source = "another";
+  EXPECT_TRUE(options.of(opened).region.isEverywhere());
+  const ShownVolume preview(pyramid_, PreviewOf{2, Index3(119)}, {0.0}, options.region);
+  const ViewState state = firstView(preview.volume(), 1.0);
+  EXPECT_EQ(preview.queryOf(preview.wishOf(state, 100), 0, 1000).region.half_spaces[0].offset, 15);
+}
+
 TEST_F(ViewSessionTest, OpensOnASurfaceInItsFrame) {
   const double isovalue = session_->state().surfaces[0].isovalue;
   EXPECT_GT(isovalue, session_->volume().least_value);
