@@ -9,9 +9,9 @@ namespace isobrick {
 
 namespace {
 
-// The share of the budget that the source of an index may hold: of a store in chunks as many as
-// three slabs of bricks touch, for each is in up to 27 of them.
-constexpr std::uint64_t kSourceShare = 4;
+// The share of the budget that the source of an index may hold: each chunk of a store is in up to
+// 27 bricks, of three slabs.
+constexpr std::uint64_t kSourceShare = 2;
 
 std::unique_ptr<Level0Source> sourceOf(const PyramidTables& tables, std::uint64_t budget_bytes) {
   if (tables.spec().level0 == Level0Place::kStored) return nullptr;

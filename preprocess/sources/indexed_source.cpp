@@ -236,7 +236,7 @@ std::shared_ptr<const SourceBricks> openSourceOf(const SourceRequest& request) {
   constexpr std::uint64_t kLittle = std::uint64_t{1} << 20;
   if (!source->readsBoxes() || source->bufferBytes() > 2 * request.memory_bytes + kLittle)
     throw fileError(path, "'", path,
-                    "' takes more memory than the quarter of what is allowed that an index leaves "
+                    "' takes more memory than the half of what is allowed that an index leaves "
                     "it, ",
                     request.memory_bytes >> 10,
                     " KiB; allow more, or build a pyramid of it in place of the index",

@@ -46,8 +46,8 @@ TEST_F(IndexCommandTest, AnIndexIsAPyramidOfLessBytes) {
                  {"--iso", "900", "--focus", "50,50,50", "--radius", "20", "--memory", "1M"});
   expectSameMesh("whole.isb", "index.isb", {"--iso", "900", "--no-map"});
   for (const char* file : {"whole.isb", "index.isb"})
-    runWell({"convert", file, "-o", std::string(file) + ".raw"});
-  EXPECT_TRUE(readBytes(path("whole.isb.raw")) == readBytes(path("index.isb.raw")));
+    runWell({"convert", file, "-o", std::string(file) + ".mha"});
+  EXPECT_TRUE(readBytes(path("whole.isb.mha")) == readBytes(path("index.isb.mha")));
   for (const char* part : {"1/2", "2/2"})
     runWell({"extract", "index.isb", "--iso", "900", "--part", part, "-o",
              std::string("share") + part[0] + ".isbm"});

@@ -291,7 +291,7 @@ TEST_F(IndexedSourceTest, TooLittleMemoryForChunksIsRefused) {
   build(writeWaves("a.ome.zarr"), {}, "a.isb", true);
   const Pyramid small(pathOf("a.isb"), 40000);
   const std::string message = errorOf([&] { (void)small.samples(0, Index3(1)); });
-  EXPECT_CONTAINS(message, "takes more memory than the quarter of what is allowed");
+  EXPECT_CONTAINS(message, "takes more memory than the half of what is allowed");
   EXPECT_CONTAINS(message, "a.ome.zarr");
 }
 
