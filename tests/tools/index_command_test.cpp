@@ -77,6 +77,11 @@ TEST_F(IndexCommandTest, OfAStoreBehindAUrl) {
   runWell({"build", "--index", server.url("good/head.ome.zarr"), "-o", "index.isb"});
   expectSameMesh("whole.isb", "index.isb", {"--iso", "900"});
   expectSameMesh("whole.isb", "index.isb", {"--iso", "900", "--box", "10,10,10,60,60,60"});
+
+  // Metadata of another edition: the same store, so nothing else tells.
+  writeBytes(path("head.ome.zarr/zarr.json"), readBytes(path("head.ome.zarr/zarr.json")) + " ");
+  expectFailure(1, {"extract", "index.isb", "--iso", "900"},
+                "the server has another edition of it");
 }
 
 }  // namespace
