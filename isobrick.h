@@ -29,6 +29,7 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/indexed_source.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/isovalue_suggestions.h"

@@ -13,7 +13,7 @@ if(ISOBRICK_COMMAND)
   file(RELATIVE_PATH lib_from_libexec /${CMAKE_INSTALL_LIBEXECDIR}/isobrick /${CMAKE_INSTALL_LIBDIR})
   if(BUILD_SHARED_LIBS)
     set_target_properties(isobrick PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_bin}")
-    set_target_properties(isobrick-build PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_libexec}")
+    set_target_properties(isobrick-build isobrick_source_plugin PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_libexec}")
     if(ISOBRICK_WITH_WINDOW)
       set_target_properties(isobrick-view PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_libexec}")
     endif()
@@ -25,6 +25,8 @@ if(ISOBRICK_COMMAND)
   endif()
   install(TARGETS ${installed_helpers} COMPONENT runtime
           RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/isobrick)
+  install(TARGETS isobrick_source_plugin COMPONENT runtime
+          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/isobrick)
   # What a desktop knows of .isb files: their type and icon, and which program opens them.
   install(FILES desktop/isobrick.xml DESTINATION ${CMAKE_INSTALL_DATADIR}/mime/packages COMPONENT runtime)
   install(FILES desktop/isobrick.svg COMPONENT runtime

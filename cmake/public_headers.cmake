@@ -13,6 +13,7 @@ set(isobrick_public_headers
   storage/pyramid_verify.h
   storage/remote_options.h
   storage/share_number.h
+  storage/source_bricks.h
   storage/value_transform.h
   storage/voxel_histogram.h
   storage/voxel_type.h
@@ -48,6 +49,7 @@ set(isobrick_public_headers
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
   preprocess/pyramid_builder.h
+  preprocess/sources/indexed_source.h
   preprocess/sources/open_volume.h
   preprocess/value_fit.h
   preprocess/volume_source.h)

@@ -300,6 +300,7 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
   copyDense(samples.part(layout.brickSampleBox(level, brick)), encoded.samples.bytes);
   const auto pairs = std::as_bytes(std::span(s.pairs));
   encoded.ranges.bytes.assign(pairs.begin(), pairs.end());
+  encoded.is_in_source = level == 0 && spec_.level0 != Level0Place::kStored;
   encodeBrick(spec_.voxel_type, codec_, encoded);
   return voxels;
 }

@@ -143,6 +143,11 @@ class Planner {
                kDeviationCoefficients;
     return bytes;
   }
+  // The same in the file.
+  std::uint64_t storedBytes(int level) const {
+    const bool is_elsewhere = level == 0 && spec_.level0 != Level0Place::kStored;
+    return brickBytes(level) - (is_elsewhere ? product(around(level, Index3(1), 3)) * voxel_ : 0);
+  }
   std::uint64_t pipelineBytes(int level, const BuildPlan::WindowShape& shape) const {
     const auto bricks = static_cast<std::uint64_t>(shape.x * shape.y);
     // Packing takes as much again as the samples of a brick.
@@ -241,7 +246,7 @@ class Planner {
       bytes += storeBytes(levels()) + kMostStatisticsBytes;
     for (int level = first(); level < levels(); ++level)
       bytes += product(region_.rows().bricks(level).count) *
-               (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
+               (storedBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
                 format::rowBytes(format::kMostKinds));
     return bytes;
   }

@@ -157,6 +157,11 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
                          {"notes", info.notes}};
   for (const std::string& note : source.notesOfReading()) json["notes"].push_back(note);
   if (!info.properties.empty()) json["properties"] = info.properties;
+  if (!options.source_record.empty()) {
+    json["level0"] = nlohmann::json::parse(options.source_record);
+    if (options.nan_as) json["level0"]["nan_as"] = *options.nan_as;
+    if (options.mask_nan) json["level0"]["mask_nan"] = true;
+  }
   // A file of a divided pyramid has a part of them.
   if (counts.replaced > 0)
     json["notes"].push_back(
@@ -188,6 +193,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("error", "none");  // as in programs that could store bounds of errors
   line("nan_as", options.nan_as ? jsonOfNumber(static_cast<double>(*options.nan_as)) : "none");
   if (options.mask_nan) line("mask_nan", "yes");
+  if (!options.source_record.empty()) line("level 0", "in the source");
   if (options.super_cells > 0) line("super-brick", std::to_string(options.super_cells));
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));

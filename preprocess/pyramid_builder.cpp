@@ -21,6 +21,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_writer.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -49,7 +50,10 @@ InputState stateOf(InputWatch& input) {
 
 bool keepForResume(const UnfinishedBuild& build) {
   PyramidWriter& writer = build.writer;
-  if (!build.options.keep_unfinished || writer.bricksWritten() == 0) return false;
+  // An index has no samples to go on from.
+  if (!build.options.keep_unfinished || !build.options.source_record.empty() ||
+      writer.bricksWritten() == 0)
+    return false;
   try {
     writer.flush();
   } catch (const Error&) {  // the disk is full: the last bricks are made again
@@ -290,6 +294,8 @@ void refuseInputAsTemporary(const VolumeSource& source, const std::string& path)
 }
 
 void checkOptions(const BuildOptions& options) {
+  if (options.resume && !options.source_record.empty())
+    throw Error("an index is built in one go; begin anew", {}, {Remedy::kBeginAnew});
   if (options.nan_as.has_value() && !std::isfinite(*options.nan_as))
     throw Error("the value that replaces NaN and infinite voxels must itself be finite");
   if (options.mask_nan && options.super_cells > 0)
@@ -353,6 +359,8 @@ PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options) {
   spec.has_curvature = options.with_curvature;
   spec.curvature_epsilon = options.curvature_epsilon;
   spec.has_missing = options.mask_nan && info.voxel_type == VoxelType::kFloat32;
+  if (!options.source_record.empty())
+    spec.level0 = isRemotePath(info.source) ? Level0Place::kBehindUrl : Level0Place::kInFiles;
   return spec;
 }
 

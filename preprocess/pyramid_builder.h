@@ -61,6 +61,9 @@ struct BuildOptions {
   // NaN voxels stay: they have no data, and cells that touch one no surface. Then `nan_as` is for
   // infinite ones alone. Not of a divided pyramid.
   bool mask_nan = false;
+  // Not empty: the result is an index, which leaves the samples of level 0 in the source. The text
+  // is that of sourceRecord() (sources/indexed_source.h). Without `resume`.
+  std::string source_record;
   std::string tool_version;  // goes into the provenance; does not change the identity
 
   // For a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a

@@ -170,8 +170,8 @@ bool pack(EncodedPart& part, format::Codec codec, const ElementView& view,
 
 void store(EncodedPart& part, format::Codec codec, const ElementView& view,
            std::vector<std::byte>& scratch) {
-  const bool is_packed = codec != format::Codec::kStored && pack(part, codec, view, scratch);
-  part.codec = is_packed ? codec : format::Codec::kStored;
+  const bool stays = codec == format::Codec::kStored || codec == format::Codec::kInSource;
+  part.codec = stays || pack(part, codec, view, scratch) ? codec : format::Codec::kStored;
   part.checksum = checksum64(part.bytes.data(), part.bytes.size());
 }
 
@@ -283,6 +283,8 @@ void encodeBrick(VoxelType type, format::Codec codec, EncodedBrick& brick) {
     store(brick.ranges, codec, {2 * voxel, true}, brick.scratch);
   if (is_constant)
     leaveOut(brick.samples, format::Codec::kConstant);
+  else if (brick.is_in_source)
+    store(brick.samples, format::Codec::kInSource, {voxel, true}, brick.scratch);
   else
     store(brick.samples, codec, {voxel, true}, brick.scratch);
   if (brick.curvature.bytes.empty())
@@ -310,6 +312,7 @@ bool decodePart(format::Codec codec, std::span<const std::byte> stored, std::siz
       return unpack(codec, stored, bytes, out);
     case format::Codec::kConstant:
     case format::Codec::kAbsent:
+    case format::Codec::kInSource:
       break;
   }
   return false;

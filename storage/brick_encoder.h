@@ -25,6 +25,8 @@ struct EncodedBrick {
   EncodedPart ranges;     // a (min, max) pair of voxels for every tile, x fastest
   EncodedPart curvature;  // codes (DeviationCode) of every block; empty: the brick has none
   float constant = 0;     // the value of all samples, if they are equal
+  // The samples stay in the source: their bytes go no further than their checksum.
+  bool is_in_source = false;
   // The memory that encodeBrick() packs into: as many bytes as its largest part has elements'
   // bytes.
   std::vector<std::byte> scratch;

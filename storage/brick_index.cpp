@@ -127,7 +127,7 @@ BrickIndex::StoredRow BrickIndex::storedRow(std::size_t number) const {
 
 void BrickIndex::moveParts(const Place& place, std::span<format::PartEntry> parts) const {
   for (format::PartEntry& part : parts)
-    if (part.stored_bytes > 0) part.offset += base(place.file);
+    if (isInFile(part)) part.offset += base(place.file);
 }
 
 void BrickIndex::widen(std::size_t number, const Place& place, const Slot& slot,
@@ -303,13 +303,14 @@ void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
   for (std::size_t i = 0; i < kinds_.size(); ++i) {
     format::PartEntry part;
     std::memcpy(&part, bytes + i * sizeof part, sizeof part);
-    if (part.offset > end || part.stored_bytes > end - part.offset)
+    if (isInFile(part) && (part.offset > end || part.stored_bytes > end - part.offset))
       fail(number, "has an impossible entry");
   }
   const BrickRow row = decode(bytes);
   const auto [level, brick] = address(number);
   for (const PartKind kind : kPartKinds)
-    if (row.part(kind).codec == format::kFurtherCodec)
+    if (spec_.level0 == Level0Place::kStored &&
+        row.part(kind).codec == static_cast<std::uint32_t>(format::Codec::kInSource))
       fail(number, "is packed by a later program, which has to read it");
   for (const PartKind kind : kPartKinds)
     if (!isPossiblePart(row, spec_, layout_, kind, level, brick))

@@ -9,6 +9,7 @@
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -18,7 +19,9 @@ constexpr const char* kWrongChecksum = "is damaged (checksum mismatch)";
 // A part has no room beside what is in use.
 struct NoRoom : std::exception {};
 
-bool isPacked(const BrickPager::Part& part) { return part.codec != format::Codec::kStored; }
+bool isPacked(const BrickPager::Part& part) {
+  return part.codec != format::Codec::kStored && part.codec != format::Codec::kInSource;
+}
 
 // Adds the time of its life to a sum.
 class WaitClock {
@@ -37,10 +40,13 @@ class WaitClock {
 
 }  // namespace
 
-BrickPager::BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes)
+BrickPager::BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes,
+                       Level0Source* source, const Index3& source_bricks)
     : file_(file),
       part_of_(std::move(part_of)),
       budget_bytes_(budget_bytes),
+      source_(source),
+      source_bricks_(source_bricks),
       slab_(budget_bytes),
       policy_(budget_bytes) {}
 
@@ -53,8 +59,7 @@ BrickPager::~BrickPager() = default;
 // A resident part may have lost its pages too.
 bool BrickPager::isReachable(std::size_t id) const {
   if (file_.isWhole()) return true;
-  const Part part = part_of_(id);
-  return file_.reaches(part.offset, part.bytes);
+  return isReached(part_of_(id));
 }
 
 const std::byte* BrickPager::acquire(std::size_t id, const CancelFlag* cancel) try {
@@ -151,12 +156,17 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel,
 
 void BrickPager::announce(std::span<const std::size_t> ids) try {
   std::vector<ByteRange> ranges;
+  std::vector<Index3> in_source;
   for (const std::size_t id : ids) {
     if (!isAbsent(id)) continue;
     const Part part = part_of_(id);
-    if (!file_.isKept(part.checksum, part.bytes)) ranges.push_back({part.offset, part.bytes});
+    if (part.codec == format::Codec::kInSource)
+      in_source.push_back(indexAt(static_cast<std::int64_t>(part.offset), source_bricks_));
+    else if (!file_.isKept(part.checksum, part.bytes))
+      ranges.push_back({part.offset, part.bytes});
   }
   file_.announce(ranges);
+  if (!in_source.empty()) source_->bricks().announce(in_source);
 } catch (const std::exception&) {  // such as of part_of_: acquire() says so
 }
 
@@ -284,7 +294,8 @@ void BrickPager::bringIn(Entry& entry, Room* room) {
   const Part& part = entry.part;
   entry.bytes = costOf(part);
   entry.edition = edition_;
-  if (!file_.reaches(part.offset, part.bytes)) throw ReadFailure();
+  if (!isReached(part)) throw ReadFailure();
+  if (part.codec == format::Codec::kInSource) countSource();
   const bool may_displace = room == nullptr;
   const std::uint64_t copy_bytes = copyBytes(part);
   if (!may_displace && !room->grow(copy_bytes + entry.bytes)) throw NoRoom();
@@ -319,7 +330,19 @@ void BrickPager::checkInPlace(const Part& part) const {
   if (file_.checksum(part.offset, part.bytes) != part.checksum) throw ReadFailure(kWrongChecksum);
 }
 
+void BrickPager::countSource() {
+  const std::uint64_t bytes = source_->bricks().heldBytes();
+  std::call_once(source_is_counted_, [&] { makeRoom(bytes); });
+}
+
 void BrickPager::readPart(const Part& part, std::byte* out) const {
+  if (part.codec == format::Codec::kInSource) {
+    source_->bricks().copySamples(indexAt(static_cast<std::int64_t>(part.offset), source_bricks_),
+                                  out);
+    if (checksum64(out, part.bytes) != part.checksum)
+      throw ReadFailure("are not what they were when '" + file_.path() + "' was built");
+    return;
+  }
   if (file_.readKept(part.checksum, part.bytes, out)) return;
   file_.read(part.offset, part.bytes, out);
   if (checksum64(out, part.bytes) != part.checksum) throw ReadFailure(kWrongChecksum);

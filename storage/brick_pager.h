@@ -21,6 +21,7 @@
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/paged_file.h"
 #include "isobrick/storage/residence_policy.h"
+#include "isobrick/storage/source_bricks.h"
 
 namespace isobrick {
 
@@ -35,13 +36,14 @@ namespace isobrick {
 // of the pager, so that it need not stay until the part has come.
 //
 // A stored part of a mapped file is used in place: what it costs is its pages of the map, which are
-// given back to the system. Any other is read, past the map, into a buffer, a packed one unpacked
-// on the way: what it costs is that buffer (rounded up by 3 % at most), and, while it is
-// being unpacked, one for a copy of its packed bytes, on which alone checksum and decoder work.
-// Buffers lie in a slab as large as the budget (buffer_slab.h). If its free pieces are too short,
-// more parts go; if all are in use, the heap serves. The slab gives back to the system as much as
-// parts beside it need of the budget. So the memory that was touched is at most the budget, rounded
-// up to a huge page, and a granule of the slab for each free run.
+// given back to the system. One that lies in the source of an index is made there in a buffer, and
+// what the source holds counts against the budget from its first part on. Any other is read, past
+// the map, into a buffer, a packed one unpacked on the way: what it costs is that buffer (rounded
+// up by 3 % at most), and, while it is being unpacked, one for a copy of its packed bytes, on which
+// alone checksum and decoder work. Buffers lie in a slab as large as the budget (buffer_slab.h). If
+// its free pieces are too short, more parts go; if all are in use, the heap serves. The slab gives
+// back to the system as much as parts beside it need of the budget. So the memory that was touched
+// is at most the budget, rounded up to a huge page, and a granule of the slab for each free run.
 // Unpacking itself takes up to 3 MiB for each thread in it. A part that has left the sum may be on
 // its way out for a moment yet: one for each thread that makes room.
 //
@@ -50,8 +52,8 @@ namespace isobrick {
 class BrickPager {
  public:
   struct Part {
-    std::uint64_t offset = 0;
-    std::uint64_t bytes = 0;  // in the file; 0: nothing is stored; never acquired
+    std::uint64_t offset = 0;  // of kInSource: the number of the brick in level 0, x fastest
+    std::uint64_t bytes = 0;   // in the file; 0: nothing is stored; never acquired
     std::uint64_t checksum = 0;
     std::uint32_t unpacked_bytes = 0;  // of a packed part
     format::Codec codec = format::Codec::kStored;
@@ -74,7 +76,10 @@ class BrickPager {
     std::uint64_t fetched_unused = 0;    // and went before it was acquired
   };
 
-  BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes);
+  // `source`, which outlives the pager, has the parts that are kInSource; null if there are none.
+  // Bricks of level 0 are so many along each axis.
+  BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes,
+             Level0Source* source = nullptr, const Index3& source_bricks = Index3(0));
   BrickPager(const PagedFile& file, std::vector<Part> parts, std::uint64_t budget_bytes);
   ~BrickPager();
   BrickPager(const BrickPager&) = delete;
@@ -200,6 +205,10 @@ class BrickPager {
   void bringIn(Entry& entry, Room* room);
   void checkInPlace(const Part& part) const;
   void readPart(const Part& part, std::byte* out) const;
+  void countSource();
+  bool isReached(const Part& part) const {
+    return part.codec == format::Codec::kInSource || file_.reaches(part.offset, part.bytes);
+  }
   void unpackPart(const Part& part, std::byte* out, bool may_displace);
   PartBuffer takeBuffer(std::uint64_t bytes, bool may_displace);
   static std::uint64_t copyBytes(const Part& part);
@@ -217,6 +226,9 @@ class BrickPager {
   const PagedFile& file_;
   const PartOf part_of_;
   const std::uint64_t budget_bytes_;
+  Level0Source* const source_;
+  const Index3 source_bricks_;
+  std::once_flag source_is_counted_;
   BufferSlab slab_;  // before the entries, whose buffers lie in it
   std::array<Shard, kShards> shards_;
   std::mutex policy_mutex_;  // taken before that of a shard, never while one is held

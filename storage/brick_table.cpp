@@ -56,6 +56,9 @@ bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLay
                                            elements <= kMostPackedBytes;
       return may_be_stored && is_size_right && part.offset % format::kPartAlignment == 0;
     }
+    case format::Codec::kInSource:
+      return kind == PartKind::kSamples && level == 0 && spec.level0 != Level0Place::kStored &&
+             part.stored_bytes == partBytes(spec, layout, kind, level, brick) && part.offset == 0;
   }
   return false;
 }

@@ -45,6 +45,12 @@ struct BrickRow {
   format::PartEntry& part(PartKind kind) { return parts[static_cast<std::size_t>(kind)]; }
 };
 
+// True if the bytes of the part lie in the file.
+constexpr bool isInFile(const format::PartEntry& part) {
+  return part.stored_bytes > 0 &&
+         part.codec != static_cast<std::uint32_t>(format::Codec::kInSource);
+}
+
 // Bytes of the elements of a part, unpacked, as the layout gives them; `layout` is spec.layout().
 std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
                         int level, const Index3& brick);

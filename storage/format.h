@@ -1,4 +1,4 @@
-// The `.isb` file, versions 3 and 4, as it lies on disk; docs/FORMAT.md is its specification in
+// The `.isb` file, versions 3 to 5, as it lies on disk; docs/FORMAT.md is its specification in
 // words.
 //
 //   header (512 bytes)
@@ -25,13 +25,13 @@ namespace isobrick::format {
 static_assert(std::endian::native == std::endian::little, "isobrick needs a little-endian host");
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
-// The least version that holds a file is written: 3, and 4 if values are transformed, or if some
-// voxels have no data.
+// The least version that holds a file is written: 3; 4 if values are transformed, or if some voxels
+// have no data; 5 if level 0 lies in the source.
 inline constexpr std::uint32_t kVersion = 3;
 inline constexpr std::uint32_t kVersionOfTransforms = 4;
-// Numbers of version 4 that no program writes yet: voxels that are labels, u64; a codec.
+inline constexpr std::uint32_t kVersionOfSources = 5;
+// Voxels that are labels, u64, from version 4 on: no program writes them yet.
 inline constexpr std::uint32_t kLabelVoxels = 5;
-inline constexpr std::uint32_t kFurtherCodec = 5;
 
 // Stored samples of at least this many bytes begin at multiples of it, so that a brick can be paged
 // and used in place; fewer begin at kPartAlignment.
@@ -92,8 +92,9 @@ struct Header {
                        // a Range for every brick of level super_levels - 1
   double value_scale;  // of ValueTransform; both zero in version 3, which has none
   double value_offset;
-  std::uint64_t missing_voxels;   // of version 4: NaN voxels of level 0, which have no data
-  std::uint8_t reserved[48];      // zero
+  std::uint64_t missing_voxels;   // from version 4 on: NaN voxels of level 0, which have no data
+  std::uint32_t level0_place;     // of version 5: Level0Place, not 0; before that zero
+  std::uint8_t reserved[44];      // zero
   std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);

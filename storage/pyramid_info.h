@@ -25,6 +25,7 @@ enum class Codec : std::uint32_t {
   kAbsent = 2,    // no bytes: the part was not made: the curvature of coarser levels, or of no use
   kLz4 = 3,       // a Blosc buffer, packed with LZ4
   kZstd = 4,      // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
+  kInSource = 5,  // no bytes: samples of level 0 that lie in the source (Level0Place)
 };
 
 }  // namespace format
@@ -33,6 +34,13 @@ enum class Codec : std::uint32_t {
 enum class FileAccess {
   kMap,   // parts that can be used in place are mapped; the rest is read
   kRead,  // everything is read, nothing is mapped: for remote file systems
+};
+
+// Where the samples of level 0 lie; the numbers are those of the file.
+enum class Level0Place : std::uint32_t {
+  kStored = 0,     // in the pyramid
+  kInFiles = 1,    // in the files that the pyramid was made of, which stay beside it
+  kBehindUrl = 2,  // in objects of a server that it was made of
 };
 
 // The properties of a pyramid that are fixed before its first brick is written.
@@ -54,6 +62,9 @@ struct PyramidSpec {
   // Samples of float32 may be NaN: voxels without data, which no range takes in. A sample is NaN on
   // every level on which its voxel has a place, and nowhere else.
   bool has_missing = false;
+  // An index (`isobrick build --index`) leaves level 0 in its source. Reading it takes
+  // storage/source_bricks.h.
+  Level0Place level0 = Level0Place::kStored;
 
   // How levels are cut into bricks.
   BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }
@@ -73,7 +84,7 @@ struct PyramidBytes {
 };
 
 // How many bricks have a part in each codec; the index is the codec's number.
-using CodecCounts = std::array<std::uint64_t, 5>;
+using CodecCounts = std::array<std::uint64_t, 6>;
 // The codec counts of every kind of part.
 struct PyramidCodecs {
   CodecCounts samples{};    // of bricks
@@ -87,9 +98,9 @@ struct PyramidSums {
   PyramidCodecs codecs;  // of the parts, by kind
 };
 
-// "stored", "constant", "absent", "lz4" or "zstd".
+// "stored", "constant", "absent", "lz4", "zstd" or "source".
 constexpr std::string_view codecName(format::Codec codec) {
-  constexpr std::string_view kNames[] = {"stored", "constant", "absent", "lz4", "zstd"};
+  constexpr std::string_view kNames[] = {"stored", "constant", "absent", "lz4", "zstd", "source"};
   static_assert(std::size(kNames) == std::tuple_size_v<CodecCounts>);
   return kNames[static_cast<std::uint32_t>(codec)];
 }

@@ -7,26 +7,46 @@
 
 namespace isobrick {
 
+namespace {
+
+// The share of the budget that the source of an index may hold: each chunk of a store is in up to
+// 27 bricks, of three slabs.
+constexpr std::uint64_t kSourceShare = 2;
+
+std::unique_ptr<Level0Source> sourceOf(const PyramidTables& tables, std::uint64_t budget_bytes) {
+  if (tables.spec().level0 == Level0Place::kStored) return nullptr;
+  return std::make_unique<Level0Source>(SourceRequest{
+      tables.path(), tables.provenance(), tables.spec(), budget_bytes / kSourceShare, nullptr});
+}
+
+}  // namespace
+
 PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes,
                            std::shared_ptr<const BrickSupply> supply)
     : tables_(tables),
       supply_(std::move(supply)),
       rows_(tables.layout()),
+      source_(sourceOf(tables, budget_bytes)),
       pager_(
           tables.bytes(),
           [this](std::size_t id) {
             const BrickAddress at = brickAt(id / kPartKinds.size());
             return pagedPart(static_cast<PartKind>(id % kPartKinds.size()), at.level, at.brick);
           },
-          budget_bytes) {}
+          budget_bytes, source_.get(), tables.layout().bricks(0)) {}
 
 // Threads of the pager may wait for a server, and the pager for them.
-PyramidParts::~PyramidParts() { tables_.bytes().abandonReads(); }
+PyramidParts::~PyramidParts() {
+  tables_.bytes().abandonReads();
+  if (source_ != nullptr) source_->abandon();
+}
 
 BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3& brick) const {
   const BrickRow row = brickRowOf(level, brick);
   const format::PartEntry& part = row.part(kind);
   const auto codec = static_cast<format::Codec>(part.codec);
+  if (codec == format::Codec::kInSource)
+    return {brickRow(level, brick), part.stored_bytes, part.checksum, 0, codec};
   // The index has seen to it that the elements of a packed part are fewer than 2^31 bytes.
   const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
   const auto elements =
@@ -42,6 +62,11 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
     part.data_ = pager_.acquire(part.id_, cancel);
   } catch (const ReadFailure& failure) {
     const format::PartEntry entry = brickRowOf(level, brick).part(kind);
+    if (source_ != nullptr && !isInFile(entry))
+      tables_.fail(
+          brickName(level, brick) + ", its voxels in " + source_->name() + ' ' +
+              withAdvice(failure.what(), "put them back as they were, or build the index again"),
+          {.level = level, .brick = brick});
     ErrorPlace place = tables_.bytes().place(entry.offset);
     place.level = level;
     place.brick = brick;

@@ -14,6 +14,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_tables.h"
+#include "isobrick/storage/source_bricks.h"
 
 namespace isobrick {
 
@@ -126,7 +127,9 @@ class PyramidParts {
   };
   void announce(std::span<const PartAddress> parts) const;
   // True if the parts come from a server, which answers many requests in the time of one.
-  bool isRemote() const { return tables_.bytes().isRemote(); }
+  bool isRemote() const {
+    return tables_.bytes().isRemote() || spec().level0 == Level0Place::kBehindUrl;
+  }
   // Makes a part resident, if one is stored. Throws Error that says why it cannot be read, and
   // Cancelled.
   void require(PartKind kind, int level, const Index3& brick,
@@ -162,6 +165,7 @@ class PyramidParts {
   const PyramidTables& tables_;
   const std::shared_ptr<const BrickSupply> supply_;  // null: level 0 is stored
   const TableRows rows_;                             // of all bricks of all levels
+  const std::unique_ptr<Level0Source> source_;       // of an index; else null
   mutable BrickPager pager_;                         // thread-safe by itself
 };
 

@@ -115,7 +115,9 @@ PyramidTables::PyramidTables(const std::string& path, FileAccess access,
   readHeader();
 }
 PyramidTables::PyramidTables(std::string name, const PyramidSpec& spec, const ValueRange& values)
-    : path_(std::move(name)), spec_(spec), layout_(spec.layout()), value_range_(values) {}
+    : path_(std::move(name)), spec_(spec), layout_(spec.layout()), value_range_(values) {
+  spec_.level0 = Level0Place::kStored;  // of a part of an index: nothing of it is read
+}
 PyramidTables::~PyramidTables() = default;
 
 void PyramidTables::fail(const std::string& what, ErrorPlace place) const {
@@ -133,9 +135,9 @@ void PyramidTables::readHeader() {
   }
   if (std::memcmp(header.magic, format::kMagic, sizeof header.magic) != 0)
     fail("is not an isobrick pyramid; make one with 'isobrick build'");
-  if (header.version < format::kVersion || header.version > format::kVersionOfTransforms)
+  if (header.version < format::kVersion || header.version > format::kVersionOfSources)
     fail("has format version " + std::to_string(header.version) + ", this program reads versions " +
-         std::to_string(format::kVersion) + " and " + std::to_string(format::kVersionOfTransforms) +
+         std::to_string(format::kVersion) + " to " + std::to_string(format::kVersionOfSources) +
          "; build it again or use the program that wrote it");
   if (header.header_bytes != kSize ||
       header.header_checksum != checksum64(&header, offsetof(format::Header, header_checksum)))
@@ -144,19 +146,23 @@ void PyramidTables::readHeader() {
     fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
          std::to_string(header.file_bytes) + ": it was cut or changed; build it again");
 
-  const bool has_transform = header.version == format::kVersionOfTransforms;
+  const bool has_transform = header.version >= format::kVersionOfTransforms;
   if (has_transform && header.voxel_type == format::kLabelVoxels)
     fail("holds labels, which this program does not read; use the program that wrote it");
   if (has_transform) {
     spec_.values = {header.value_scale, header.value_offset};
     spec_.has_missing = header.missing_voxels > 0;
   }
+  const bool has_source = header.version >= format::kVersionOfSources;
+  if (has_source) spec_.level0 = static_cast<Level0Place>(header.level0_place);
   const bool sane =
       spec_.values.isSane() && header.voxel_type < kVoxelTypeCount && header.filter <= 1 &&
       areKindsSane(header) && isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
       isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) && areValuesSane(header) &&
       std::isfinite(header.curvature_epsilon) && header.curvature_epsilon >= 0 &&
-      isStoredGridSane(header) && (!spec_.has_missing || isMissingSane(header));
+      isStoredGridSane(header) && (!spec_.has_missing || isMissingSane(header)) &&
+      (!has_source || header.level0_place == static_cast<std::uint32_t>(Level0Place::kInFiles) ||
+       header.level0_place == static_cast<std::uint32_t>(Level0Place::kBehindUrl));
   if (!sane) fail("has impossible numbers in its header; build it again");
 
   readGrid(header, spec_.voxels, spec_.geometry);
@@ -329,7 +335,7 @@ PyramidSums PyramidTables::sums() const {
     }
     const auto [level, brick] = index_->address(n);
     const BrickRow row = index_->row(n);
-    const std::uint64_t stored = row.part(kSamples).stored_bytes;
+    const std::uint64_t stored = isInFile(row.part(kSamples)) ? row.part(kSamples).stored_bytes : 0;
     (level == 0 ? bytes.samples_level0 : bytes.samples_coarser) += stored;
     bytes.ranges += row.part(kRanges).stored_bytes;
     bytes.curvature += row.part(kCurvature).stored_bytes;

@@ -100,6 +100,8 @@ void verifyReservedFields(const PyramidTables& tables, std::vector<std::string>&
   if (isAnySet(std::begin(header.reserved), std::end(header.reserved)) ||
       isAnySet(std::begin(header.reserved_between), std::end(header.reserved_between)))
     faults.emplace_back("reserved bytes of the header are not zero");
+  if (header.version < format::kVersionOfSources && header.level0_place != 0)
+    faults.emplace_back("the header says where level 0 lies, which its version does not");
   if (header.version == format::kVersion &&
       (header.value_scale != 0 || header.value_offset != 0 || header.missing_voxels != 0))
     faults.emplace_back("the header has a transform of values, which its version has not");
@@ -127,7 +129,7 @@ bool addParts(const BrickIndex& index, std::vector<ByteRange>& extents) {
   bool knows_all = true;
   for (std::size_t number = 0; number < index.count(); ++number) try {
       for (const format::PartEntry& part : index.storedRow(number).parts)
-        if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});
+        if (isInFile(part)) extents.push_back({part.offset, part.stored_bytes});
     } catch (const Error&) {
       knows_all = false;
     }

@@ -28,11 +28,15 @@ format::Header formatHeaderOf(const PyramidSpec& spec, std::uint64_t missing_vox
   format::Header header = {};
   std::memcpy(header.magic, format::kMagic, sizeof header.magic);
   header.version = format::kVersion;
-  if (!spec.values.isIdentity() || missing_voxels > 0) {
+  if (!spec.values.isIdentity() || missing_voxels > 0 || spec.level0 != Level0Place::kStored) {
     header.version = format::kVersionOfTransforms;
     header.value_scale = spec.values.scale;
     header.value_offset = spec.values.offset;
     header.missing_voxels = missing_voxels;
+  }
+  if (spec.level0 != Level0Place::kStored) {
+    header.version = format::kVersionOfSources;
+    header.level0_place = static_cast<std::uint32_t>(spec.level0);
   }
   header.header_bytes = sizeof header;
   header.voxel_type = static_cast<std::uint32_t>(spec.voxel_type);
@@ -89,7 +93,7 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
     return false;
   std::uint64_t at = begin;
   for (const format::PartEntry& part : entry.row.parts) {
-    if (part.stored_bytes == 0) continue;
+    if (!isInFile(part)) continue;
     if (part.offset < at || part.offset - at >= format::kSampleAlignment ||
         part.offset > entry.end || part.stored_bytes > entry.end - part.offset)
       return false;
@@ -241,11 +245,11 @@ void PyramidWriter::write(const EncodedBrick& brick) {
   const auto place = [&](const EncodedPart& part, std::uint64_t alignment) {
     format::PartEntry entry = {};
     entry.codec = static_cast<std::uint32_t>(part.codec);
-    if (part.bytes.empty()) return entry;
-    append(kZeros.data(), (alignment - end_ % alignment) % alignment);
-    entry.offset = end_;
     entry.checksum = part.checksum;
     entry.stored_bytes = static_cast<std::uint32_t>(part.bytes.size());
+    if (!isInFile(entry)) return entry;
+    append(kZeros.data(), (alignment - end_ % alignment) % alignment);
+    entry.offset = end_;
     append(part.bytes.data(), part.bytes.size());
     return entry;
   };

@@ -41,6 +41,15 @@ Json provenanceOf(const Pyramid& pyramid) {
   return json.is_discarded() ? Json(pyramid.provenance()) : json;
 }
 
+// Where level 0 of an index lies; nothing for other pyramids.
+std::string sourceOfLevel0(const Pyramid& pyramid) {
+  if (pyramid.spec().level0 == Level0Place::kStored) return {};
+  const Json json = provenanceOf(pyramid);
+  const bool is_named = json.is_object() && json.contains("level0") && json["level0"].is_object() &&
+                        json["level0"].contains("path") && json["level0"]["path"].is_string();
+  return is_named ? json["level0"]["path"].get<std::string>() : "its source";
+}
+
 Json jsonOfLevels(const Pyramid& pyramid) {
   Json levels = Json::array();
   for (int level = 0; level < pyramid.lattice().levels(); ++level)
@@ -131,6 +140,8 @@ void printInfoJson(const Pyramid& pyramid, const std::optional<PyramidSums>& sum
     json["division"] = {{"super_brick_cells", division->superBricks().cells()},
                         {"files", division->fileCount()},
                         {"index_bytes", division->indexBytes()}};
+  const std::string source = sourceOfLevel0(pyramid);
+  json["level0"] = source.empty() ? Json(nullptr) : Json({{"path", source}});
   json["brick_cells"] = spec.brick_cells;
   json["tile_cells"] = spec.tile_cells;
   json["has_curvature"] = spec.has_curvature;
@@ -182,6 +193,8 @@ void printInfoText(const Pyramid& pyramid, const std::string& path,
                byteSizeText(division->indexBytes()));
   fmt::print("bricks     {} cells, tiles {} cells; filter {}; curvature {}\n", spec.brick_cells,
              spec.tile_cells, filterName(spec.filter), spec.has_curvature ? "yes" : "no");
+  if (const std::string source = sourceOfLevel0(pyramid); !source.empty())
+    fmt::print("level 0    stays in {}\n", oneLine(source));
   if (sums) printSums(*sums);
   for (int level = 0; level < pyramid.lattice().levels(); ++level) {
     const Index3 samples = pyramid.lattice().samples(level);

@@ -18,6 +18,7 @@
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/own_folder.h"
+#include "tools/source_plugin.h"
 
 namespace isobrick {
 namespace {
@@ -116,6 +117,7 @@ void runCommandOfFile(int argc, char** argv) {
 
 int runWords(int argc, char** argv) {
   noteWords(argv);
+  readLevel0ByPlugin();
   if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);

@@ -14,6 +14,19 @@ namespace {
 
 char** the_words = nullptr;
 
+std::optional<std::string> findOwn(const std::string& name, int access_mode) {
+  for (const std::filesystem::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN})
+    if (access((folder / name).c_str(), access_mode) == 0) return (folder / name).string();
+  return std::nullopt;
+}
+
+std::string requireOwn(const std::string& name, int access_mode) {
+  if (const auto found = findOwn(name, access_mode)) return *found;
+  throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again", name,
+                          ownExecutable().string(),
+                          (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
+}
+
 }  // namespace
 
 std::filesystem::path ownExecutable() { return linkTarget("/proc/self/exe"); }
@@ -21,17 +34,11 @@ std::filesystem::path ownExecutable() { return linkTarget("/proc/self/exe"); }
 std::filesystem::path ownFolder() { return ownExecutable().parent_path(); }
 
 std::optional<std::string> findOwnExecutable(const std::string& name) {
-  for (const std::filesystem::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN})
-    if (access((folder / name).c_str(), X_OK) == 0) return (folder / name).string();
-  return std::nullopt;
+  return findOwn(name, X_OK);
 }
 
-std::string requiredExecutable(const std::string& name) {
-  if (const auto found = findOwnExecutable(name)) return *found;
-  throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again", name,
-                          ownExecutable().string(),
-                          (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
-}
+std::string requiredExecutable(const std::string& name) { return requireOwn(name, X_OK); }
+std::string requiredFile(const std::string& name) { return requireOwn(name, R_OK); }
 
 void noteWords(char** words) { the_words = words; }
 

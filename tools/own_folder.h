@@ -15,6 +15,8 @@ std::filesystem::path ownFolder();
 std::optional<std::string> findOwnExecutable(const std::string& name);
 // The same. Throws Error if there is none.
 std::string requiredExecutable(const std::string& name);
+// The same of a file that is no program.
+std::string requiredFile(const std::string& name);
 // Becomes it, with the words that this one was given. Throws Error if it cannot be run.
 [[noreturn]] void becomeExecutable(const std::string& name);
 // The words, for that: main() notes them.

@@ -1,6 +1,7 @@
 #include "isobrick/preprocess/sources/raw_run.h"
 
 #include <algorithm>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,6 +19,15 @@
 
 namespace isobrick {
 
+namespace {
+
+// Rows of fewer bytes are read with what lies between their parts: a call of the system takes as
+// long as copying so many.
+constexpr std::uint64_t kShortRow = 4096;
+constexpr std::uint64_t kShortRowsAtOnce = std::uint64_t{64} << 10;
+
+}  // namespace
+
 void StoredBlock::read(const IndexBox& box, void* out) const {
   // As few reads as the file allows: rows that adjoin are one.
   const bool has_whole_rows = box.count.x == voxels.x;
@@ -27,19 +37,37 @@ void StoredBlock::read(const IndexBox& box, void* out) const {
   const std::int64_t count = box.size() / (slices * rows);
   const std::uint64_t slice_bytes =
       static_cast<std::uint64_t>(voxels.x * voxels.y) * stored.bytes();
+  const auto readBytes = [&](std::uint64_t from, std::byte* part, std::size_t n) {
+    const std::size_t got = file.readAt(from, part, n);
+    if (got < n)
+      throw becameShorter(file,
+                          first_slice + static_cast<std::int64_t>((from + got - at) / slice_bytes),
+                          from + got);
+  };
+  const std::uint64_t row_bytes = static_cast<std::uint64_t>(voxels.x) * stored.bytes();
+  const auto part_bytes = static_cast<std::uint64_t>(count) * stored.bytes();
+  const bool are_short = rows > 1 && row_bytes <= kShortRow;
+  const auto rows_at_once = static_cast<std::int64_t>(kShortRowsAtOnce / row_bytes);
+  std::vector<std::byte> some(are_short ? kShortRowsAtOnce : 0);
+  std::uint64_t begin = 0;  // of the rows in it
   auto* to = static_cast<std::byte*>(out);
   for (std::int64_t z = 0; z < slices; ++z)
     for (std::int64_t y = 0; y < rows; ++y) {
       const std::int64_t first = linearIndex(box.first + Index3(0, y, z), voxels);
       std::uint64_t next = at + static_cast<std::uint64_t>(first) * stored.bytes();
-      decodeVoxels(
-          stored, static_cast<std::size_t>(count), to, [&](std::byte* part, std::size_t n) {
-            const std::size_t got = file.readAt(next, part, n);
-            next += got;
-            if (got < n)
-              throw becameShorter(
-                  file, first_slice + static_cast<std::int64_t>((next - at) / slice_bytes), next);
-          });
+      if (are_short && y % rows_at_once == 0) {
+        begin = next;
+        const auto more = static_cast<std::uint64_t>(std::min(rows - y, rows_at_once) - 1);
+        readBytes(begin, some.data(), more * row_bytes + part_bytes);
+      }
+      decodeVoxels(stored, static_cast<std::size_t>(count), to,
+                   [&](std::byte* part, std::size_t n) {
+                     if (are_short)
+                       std::memcpy(part, some.data() + (next - begin), n);
+                     else
+                       readBytes(next, part, n);
+                     next += n;
+                   });
       to += static_cast<std::size_t>(count) * voxelBytes(stored.delivered());
     }
 }

@@ -8,12 +8,14 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/preprocess/sources/announced_boxes.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -155,7 +157,7 @@ class ChunkTally {
   std::uint64_t read_ = 0, missing_ = 0;
 };
 
-class ZarrSource final : public VolumeSource {
+class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
  public:
   // `axes`: which axis of the array x, y and z are. `fixed`: an index for all others, -1 for these.
   ZarrSource(VolumeInfo info, ZarrArray array, std::array<std::size_t, 3> axes, Indices fixed,
@@ -188,10 +190,21 @@ class ZarrSource final : public VolumeSource {
     return files;
   }
 
+  void announceBoxes(std::span<const IndexBox> boxes) const override {
+    if (!array_.isRemote()) return;
+    std::set<Indices> wanted;
+    std::vector<Indices> in_order;
+    for (const IndexBox& box : boxes)
+      forEachIndex(chunksOf(box), [&](const Index3& at) {
+        Indices index = indicesOf(at);
+        if (isAbsent(index) && wanted.insert(index).second) in_order.push_back(std::move(index));
+      });
+    array_.announce(in_order);
+  }
+
   void readBox(const IndexBox& box, void* out) const override {
     const Index3 size = chunkVoxels();
-    const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
-    const IndexBox chunks{begin, end - begin};
+    const IndexBox chunks = chunksOf(box);
     std::int64_t number = 0;
     forEachIndex(chunks, [&](const Index3& at) {
       if (cancel_ != nullptr) cancel_->check();
@@ -213,6 +226,17 @@ class ZarrSource final : public VolumeSource {
     return size;
   }
 
+  IndexBox chunksOf(const IndexBox& box) const {
+    const Index3 size = chunkVoxels();
+    const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
+    return {begin, end - begin};
+  }
+  // Neither here nor on its way.
+  bool isAbsent(const Indices& index) const {
+    const std::lock_guard lock(mutex_);
+    return !being_read_.contains(index) && cache_.find(index) == nullptr;
+  }
+
   // Of an array behind a URL: chunks that are asked for ahead of the one that is read, so many at a
   // time.
   static constexpr std::int64_t kAhead = 64, kStepAhead = 16;
@@ -223,9 +247,7 @@ class ZarrSource final : public VolumeSource {
     const std::int64_t end = std::min(number + kAhead, chunks.size());
     for (; number < end; ++number) {
       Indices index = indicesOf(chunks.first + indexAt(number, chunks.count));
-      const std::lock_guard lock(mutex_);
-      if (!being_read_.contains(index) && cache_.find(index) == nullptr)
-        next.push_back(std::move(index));
+      if (isAbsent(index)) next.push_back(std::move(index));
     }
     array_.announce(next);
   }

@@ -89,6 +89,7 @@ class _BuildSettings:
     super_brick: int | None = None
     tool_version: str = __version__
     mask_nan: bool = False
+    index: bool = False
 
 
 @dataclass
@@ -157,6 +158,7 @@ def build(
     denoise: float = 0.0,
     super_brick: int = 2048,
     part: tuple[int, int] | None = None,
+    index: bool = False,
 ) -> BuildReport:
     """Builds the pyramid ``out`` (``.isb``) of a volume; one whose name ends with ``.isbs`` is a folder of many
     files, which several processes may build together.
@@ -208,11 +210,18 @@ def build(
     part
         of ``.isbs``: (i, n), only share i of n shares of the files, i from 1, in any order and on any machine;
         files that are there stay. ``join`` makes the index. Without it all are built and joined
+    index
+        of files: leaves the finest level where it is, in ``source``, and stores the rest beside it, in a seventh of
+        the bytes. All that takes a pyramid takes it, as long as the source is there and does not change; one in the
+        folder of ``out``, or below it, may move with it. Of OME-Zarr (behind a URL too), raw files, NRRD, TIFF and
+        VTI without packing, and VDB
     """
     name = os.fspath(out)
     is_divided = name.rstrip("/").endswith(".isbs")
     if part is not None and not is_divided:
         raise Error("a part is of a pyramid of many files; name it with the ending .isbs")
+    if index and not isinstance(source, (str, os.PathLike)):
+        raise Error("an index leaves its finest level in a file; save the array, or build without index=True")
     with told_progress(progress, f"building {os.path.basename(name.rstrip('/'))}") as tell:
         builder = _Builder(
             source, direction,
@@ -222,7 +231,7 @@ def build(
             ),
             _BuildSettings(
                 name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory), threads, tell, cancel,
-                super_brick if is_divided else 0, mask_nan=mask_nan,
+                super_brick if is_divided else 0, mask_nan=mask_nan, index=index,
             ),
         )  # fmt: skip
         if not is_divided:

@@ -60,6 +60,7 @@ BuildRequest readBuildRequest(const nb::object& settings) {
   BuildRequest request;
   request.out = nb::cast<std::string>(settings.attr("out"));
   request.force = nb::cast<bool>(settings.attr("force"));
+  request.index = nb::cast<bool>(settings.attr("index"));
   BuildOptions& options = request.options;
   options.codec = codecNamed(nb::cast<std::string>(settings.attr("codec")));
   options.filter = filterNamed(nb::cast<std::string>(settings.attr("filter")));
@@ -99,12 +100,12 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
   std::vector<std::string> notes;
   VolumeInfo info;
   runInterruptibly(request.call, [&](CallState& state) {
-    BuildOptions options = request.options;
+    const std::unique_ptr<VolumeSource> source = open(state);
+    BuildOptions options = request.options;  // of an index, which open() completes
     options.cancel = &state.cancel();
     options.progress = [&](std::string_view phase, double fraction) {
       state.report(phase, fraction);
     };
-    const std::unique_ptr<VolumeSource> source = open(state);
     refuseReplacingInput(*source, request.out);
     if (request.super_brick)
       was_built = buildMissingSuperBrick(*source, request, options, report);

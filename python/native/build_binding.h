@@ -16,6 +16,7 @@ namespace isobrick::python {
 struct BuildRequest {
   std::string out;
   bool force = false;
+  bool index = false;  // leaves level 0 in the source
   BuildOptions options;
   std::optional<std::size_t> super_brick;  // of a divided pyramid, whose folder `out` is
   CallOptions call;

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstring>
+#include <utility>
 
 #include "interruptible_call.h"
 
@@ -158,6 +159,14 @@ nb::object verify(const PyramidHandle& handle, int threads, const nb::object& pr
   return result;
 }
 
+// The sources of indexes are opened by the module that loads ITK, OpenVDB and HDF5.
+void readLevel0ByVolumes() {
+  static bool is_set = false;  // under the GIL
+  if (std::exchange(is_set, true)) return;
+  const nb::object opener = nb::module_::import_("isobrick._volumes").attr("_source_opener");
+  setSourceOpener(*static_cast<const SourceOpener*>(nb::cast<nb::capsule>(opener).data()));
+}
+
 }  // namespace
 
 PyramidHandle::PyramidHandle(const std::string& path, std::uint64_t budget_bytes, bool is_mapped,
@@ -176,6 +185,7 @@ PyramidHandle::PyramidHandle(const std::string& path, std::uint64_t budget_bytes
     const nb::gil_scoped_release unlocked;
     open(nullptr);
   }
+  if (pyramid_->spec().level0 != Level0Place::kStored) readLevel0ByVolumes();
 }
 
 const std::shared_ptr<const Pyramid>& PyramidHandle::pyramid() const {

@@ -75,10 +75,13 @@ std::unique_ptr<VolumeSource> openInput(const std::string& path, OpenOptions opt
 
 nb::object buildFile(const std::string& path, const nb::object& input, const nb::object& settings) {
   const OpenOptions options = readInput(input);
-  const BuildRequest request = readBuildRequest(settings);
+  BuildRequest request = readBuildRequest(settings);
   return buildFrom(
       [&](CallState& state) {
-        return openInput(path, options, request.options.memory_bytes, state);
+        auto source = openInput(path, options, request.options.memory_bytes, state);
+        if (request.index)
+          request.options.source_record = sourceRecord(*source, options, request.out);
+        return source;
       },
       request);
 }
@@ -100,6 +103,9 @@ nb::list fileSuperBricks(const std::string& path, const nb::object& input,
 NB_MODULE(_volumes, m) {
   using namespace isobrick::python;
   translateErrors();
+  // For `_core`, which opens the sources of indexes by it.
+  static const isobrick::SourceOpener opener = isobrick::volumeSourceOpener();
+  m.attr("_source_opener") = nb::capsule(&opener);
   m.def("build_file", &buildFile, nb::arg("path"), nb::arg("input"), nb::arg("settings"),
         nb::sig(
             "def build_file(path: str, input: object, settings: object) -> dict[str, typing.Any]"));

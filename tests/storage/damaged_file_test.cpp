@@ -221,7 +221,7 @@ TEST(DamagedFile, ThingsThatAreNotPyramids) {
     EXPECT_NE(judge(bad).open_error, "");
   }
   Bytes other = readWholeFile(buildTinyFile(folder));
-  for (const std::uint32_t version : {1, 2, 5}) {
+  for (const std::uint32_t version : {1, 2, 6}) {
     putU32(other, 8, version);
     sealHeader(other);
     writeBytes(bad, other);

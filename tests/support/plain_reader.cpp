@@ -116,7 +116,7 @@ constexpr std::uint32_t kVoxelSizes[5] = {1, 1, 2, 2, 4};
 PlainPyramid readHeader(FileBytes& file) {
   PlainPyramid p;
   require(file.size() >= 512 && std::memcmp(file.at(0, 8), "ISOBRICK", 8) == 0, "no pyramid");
-  require(file.u32(8) == 3 || file.u32(8) == 4, "unknown version");
+  require(file.u32(8) >= 3 && file.u32(8) <= 5, "unknown version");
   require(file.u32(12) == 512, "header_bytes");
   file.checkHash(0, 504, file.u64(504), "the header");
   file.cover(504, 8, "the header's checksum");
@@ -181,7 +181,7 @@ PlainPyramid readHeader(FileBytes& file) {
       require(file.number(i, 1) == 0, "bins without errors");
   p.length_unit = file.u32(360);
   require(p.length_unit <= 1, "length_unit");
-  const bool has_transform = file.u32(8) == 4;
+  const bool has_transform = file.u32(8) >= 4;
   if (has_transform) {
     p.value_scale = file.f64(432);
     p.value_offset = file.f64(440);
@@ -190,10 +190,12 @@ PlainPyramid readHeader(FileBytes& file) {
   }
   if (has_transform) p.missing_voxels = file.u64(448);
   require(p.missing_voxels == 0 || p.voxel_type == 4, "missing_voxels");
+  p.is_index = file.u32(8) == 5;
+  require(!p.is_index || file.u32(456) == 1 || file.u32(456) == 2, "level0_place");
   for (std::uint64_t i = 364; i < 504; ++i)
-    require(
-        (i >= 368 && i < 392) || (has_transform && i >= 432 && i < 456) || file.number(i, 1) == 0,
-        "reserved bytes");
+    require((i >= 368 && i < 392) || (has_transform && i >= 432 && i < 456) ||
+                (p.is_index && i >= 456 && i < 460) || file.number(i, 1) == 0,
+            "reserved bytes");
   return p;
 }
 
@@ -233,7 +235,7 @@ std::uint64_t readLevels(FileBytes& file, PlainPyramid& p) {
 enum class Presence { kNever, kAlways, kMayBe };
 
 PlainPart readPart(FileBytes& file, std::uint64_t at, std::int64_t expected_bytes,
-                   Presence presence, bool is_samples) {
+                   Presence presence, bool is_samples, bool may_be_in_source = false) {
   PlainPart part;
   part.offset = file.u64(at);
   part.checksum = file.u64(at + 8);
@@ -245,7 +247,14 @@ PlainPart readPart(FileBytes& file, std::uint64_t at, std::int64_t expected_byte
     require(part.offset == 0 && part.stored_bytes == 0 && part.checksum == 0, "an empty part");
     return part;
   }
+  if (part.codec == 5) {  // section 15
+    require(may_be_in_source && part.offset == 0 &&
+                static_cast<std::int64_t>(part.stored_bytes) == expected_bytes,
+            "a part in the source");
+    return part;
+  }
   require(part.codec == 0 || part.codec == 3 || part.codec == 4, "unknown codec");
+  require(!may_be_in_source, "samples that should be in the source");
   require(presence != Presence::kNever, "a part that should be absent");
   const bool is_stored = part.codec == 0;
   require(is_stored ? static_cast<std::int64_t>(part.stored_bytes) == expected_bytes
@@ -296,14 +305,14 @@ std::vector<std::uint8_t> elementsOf(const FileBytes& file, const PlainPart& par
   return elements;
 }
 
-bool hasBytes(const PlainPart& part) { return part.stored_bytes > 0; }
+bool hasBytes(const PlainPart& part) { return part.stored_bytes > 0 && part.codec != 5; }
 
 void readElements(const FileBytes& file, std::uint32_t voxel_type, float constant, bool has_codes,
                   PlainBrick& brick) {
   const std::int64_t voxel = kVoxelSizes[voxel_type];
   const std::int64_t samples = product(brick.count), tiles = product(brick.tiles);
   const std::int64_t codes = 8 * product(brick.blocks);
-  brick.samples.assign(static_cast<std::size_t>(samples), constant);
+  if (brick.parts[0].codec != 5) brick.samples.assign(static_cast<std::size_t>(samples), constant);
   if (hasBytes(brick.parts[0])) {
     const auto elements = elementsOf(file, brick.parts[0], samples * voxel);
     for (std::size_t i = 0; i < brick.samples.size(); ++i)
@@ -349,7 +358,7 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
                                    part < 2     ? Presence::kAlways
                                    : level == 0 ? Presence::kMayBe
                                                 : Presence::kNever,
-                                   part == 0);
+                                   part == 0, part == 0 && level == 0 && p.is_index);
     else if (file.u32(at + 16) > 0)  // section 9: passed over
       file.checkHash(file.u64(at), file.u32(at + 16), file.u64(at + 8), "a part of an older kind");
     at += 24;

@@ -32,7 +32,7 @@ struct PlainBrick {
   PlainIndex index{};
   PlainIndex first_cell{}, cells{};    // of its level
   PlainIndex first_sample{}, count{};  // what `samples` holds
-  std::vector<float> samples;
+  std::vector<float> samples;          // none if they are in the source
   PlainIndex tiles{};
   std::vector<PlainRange> tile_ranges;
   PlainIndex blocks{};
@@ -56,12 +56,13 @@ struct PlainPyramid {
   std::uint32_t voxel_type = 0, filter = 0;
   std::int64_t brick_cells = 0, tile_cells = 0;
   bool has_curvature = false;
+  bool is_index = false;  // section 15: level 0 is in the source
   PlainIndex dims{};
   std::array<double, 3> spacing{}, origin{};
   std::array<double, 9> direction{};
   std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
-  double value_scale = 1, value_offset = 0;  // of version 4
+  double value_scale = 1, value_offset = 0;  // from version 4 on
   std::uint64_t missing_voxels = 0;          // likewise
   std::vector<std::uint32_t> kinds;          // of the parts of a row
   std::vector<std::uint64_t> histogram;      // section 10

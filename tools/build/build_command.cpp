@@ -204,8 +204,14 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       ->description(
           "Replace what has the name of the output, also if it is no pyramid of the same input; "
           "never an input");
-  sub.add_flag("--resume", arguments.settings.options.resume,
-               "Go on where an interrupted or killed build with the same options ended");
+  CLI::Option* const resume =
+      sub.add_flag("--resume", arguments.settings.options.resume,
+                   "Go on where an interrupted or killed build with the same options ended");
+  sub.add_flag("--index", arguments.settings.index,
+               "Write an index: the finest level stays in the input, which is needed then as it is "
+               "now, and the rest takes a seventh of the bytes. Of inputs that are read in boxes: "
+               "OME-Zarr, also behind a URL, raw files, NRRD, TIFF and VTI without packing, VDB")
+      ->excludes(resume);
   addJsonFlag(sub, arguments.json);
   sub.add_flag("--verbose", arguments.settings.verbose, "Say how long each phase took, too");
   beginGroup(sub, kProgramGroup);

@@ -60,12 +60,13 @@ JoinReport joinShowingProgress(const std::string& folder, const BuildSettings& s
 
 class DividedBuild {
  public:
-  DividedBuild(const BuildJob& job, const BuildSettings& settings)
+  DividedBuild(const BuildJob& job, BuildSettings& settings)
       : job_(job),
         settings_(settings),
         volume_([this] { return open(); }, job.output),
         watch_(volume_.volume(), &interruptFlag()) {
     refuseUnfitInputOptions(*job.input.parser, volume());
+    settings.options.source_record = recordOfJob(job, settings, volume_.volume());
     files_ = superBrickFiles(volume(), settings.options);
     identity_ = buildIdentity(volume(), watch_.identity(), settings.options);
     const std::string index = (fs::path(job.output) / kIndexName).string();
@@ -208,7 +209,7 @@ void printResult(const BuildJob& job, const BuildSettings& settings, const Divid
 
 }  // namespace
 
-int runBuildDivided(const BuildJob& job, const BuildSettings& settings,
+int runBuildDivided(const BuildJob& job, BuildSettings settings,
                     const std::optional<ShareNumber>& share, bool json) {
   const Stopwatch watch;
   DividedResult result;

@@ -11,7 +11,7 @@ namespace isobrick {
 
 // Builds those super-bricks of a share that are not up to date, into the job's output, a folder;
 // without a share all, and the index. Prints what it did. Returns the exit status.
-int runBuildDivided(const BuildJob& job, const BuildSettings& settings,
+int runBuildDivided(const BuildJob& job, BuildSettings settings,
                     const std::optional<ShareNumber>& share, bool json);
 
 // Makes the index of a folder whose super-bricks are all there.

@@ -12,6 +12,7 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/preprocess/sources/indexed_source.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
@@ -113,7 +114,7 @@ void refuseAsOutput(const BuildJob& job, const std::vector<std::string>& inputs,
   refuseReplacing({job.output, "choose another output with -o or --out-dir"}, inputs, replace);
 }
 
-BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
+BuiltVolume openAndBuild(BuildJob job, BuildSettings settings) {
   const Stopwatch watch;
   BuiltVolume built;
   const bool into_cache = !settings.cache_folder.empty();
@@ -125,6 +126,7 @@ BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
       openShowingProgress(job.input, settings.options.memory_bytes / 2, shown);
   built.open_seconds = watch.seconds();
   refuseUnfitInputOptions(*job.input.parser, source->info());
+  settings.options.source_record = recordOfJob(job, settings, *source);
   InputWatch input(*source, &interruptFlag());
   const auto lock =
       into_cache ? placeInCache(job, settings, source->info(), input.identity()) : nullptr;
@@ -166,6 +168,12 @@ Error outOfMemory(const BuildJob& job, const BuildSettings& settings) {
 }
 
 }  // namespace
+
+std::string recordOfJob(const BuildJob& job, const BuildSettings& settings,
+                        const VolumeSource& source) {
+  if (!settings.index) return {};
+  return sourceRecord(source, openOptionsOf(job.input), job.output);
+}
 
 std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
                                                   std::uint64_t memory_bytes,

@@ -37,6 +37,7 @@ struct BuildSettings {
   int threads = 1;
   bool rebuild = false;  // builds pyramids that are up to date too
   bool force = false;    // replaces a file that is not a pyramid of the same input
+  bool index = false;    // leaves level 0 in the input
   // Not empty: in place of the job's output, a pyramid in this folder (tools/pyramid_cache.h), or
   // the one beside the input if that is up to date.
   std::string cache_folder = {};
@@ -79,6 +80,11 @@ BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings);
 // to do if memory or threads run out.
 void buildWithThreads(const BuildJob& job, const BuildSettings& settings,
                       const std::function<void()>& build);
+
+// BuildOptions::source_record of the job's index, or nothing if the settings want none. Throws
+// Error if the source cannot be one.
+std::string recordOfJob(const BuildJob& job, const BuildSettings& settings,
+                        const VolumeSource& source);
 
 // True if `output` is a pyramid of this very source and these options already; false if there is
 // none, or one that was made from the same input, which has changed since or is to be built with

@@ -65,6 +65,7 @@ Json jsonOfBuilt(const BuildJob& job, const BuiltVolume& built, const BuildSetti
   json["bricks"] = built.bricks;
   json["bricks_resumed"] = built.report.bricks_resumed;
   json["codec"] = codecOptionName(settings.options.codec);
+  json["index"] = settings.index;
   json["seconds"] = {
       {"total", built.seconds}, {"open", built.open_seconds}, {"build", built.report.seconds}};
   json["phases"] = jsonOfPhases(built);
@@ -84,6 +85,7 @@ void printBuilt(const BuiltVolume& built, const BuildSettings& settings) {
   }
   fmt::print("{}: {}, {} levels, {}, codec {}\n", built.output, dimensionsText(built.volume),
              built.levels, sizeText(built.bytes), codecOptionName(settings.options.codec));
+  if (settings.index) fmt::print("level 0 stays in {}\n", oneLine(built.volume.source));
   for (const std::string& note : built.volume.notes) fmt::print("note: {}\n", note);
   if (built.report.bricks_resumed > 0)
     fmt::print("resumed: {} of {} bricks are of an earlier run; rates are of the rest\n",

@@ -1,0 +1,7 @@
+// isobrick-sources.so: what tools/source_plugin.cpp loads.
+#include "isobrick/preprocess/sources/indexed_source.h"
+
+extern "C" const isobrick::SourceOpener* isobrickSourceOpener() {
+  static const isobrick::SourceOpener opener = isobrick::volumeSourceOpener();
+  return &opener;
+}
