@@ -229,6 +229,7 @@ class Client:
     bytes: int = 0
     last: dict[str, Any] = field(default_factory=dict)
     since: float | None = None  # when the first chunk came that is not shown yet
+    says_shown: bool = True  # at once
     wish_number: int = 0
 
     def begin(self) -> Client:
@@ -274,6 +275,15 @@ class Client:
                 self.shown.discard(number)
         if said["type"] == "show":
             assert self.triangles() == said["triangles"]
+            if self.says_shown:
+                self.say_shown(said)
+
+    def say_shown(self, said: dict[str, Any]) -> None:
+        """After a `show`."""
+        now = time.perf_counter()
+        seconds = now - (self.since or now)
+        self.since = None
+        self.socket.send(json.dumps({"type": "shown", "pass": said["pass"], "seconds": seconds}))
 
     def until(self, kind: str, wish: int | None = None, seconds: float = 60) -> dict[str, Any]:
         """Receives up to a message of this type, of this wish."""

@@ -435,14 +435,15 @@ def relay_of(server: Server, milliseconds: float, megabits: float) -> subprocess
                             stdout=subprocess.PIPE, text=True)
 
 
-def test_over_a_slow_line_the_latest_wish_comes_next(server: Server) -> None:
+def test_a_slow_line_slows_itself_alone(server: Server) -> None:
     with relay_of(server, 20, 2) as relay:
         assert relay.stdout is not None
         sock = socket.create_connection(("127.0.0.1", int(relay.stdout.readline())))
         with server.stream(sock=sock) as line, server.stream() as near:
             client, other = Client(line).begin(), Client(near).begin()
+            client.until("fine", client.wish(iso=0.4))
             answered = []
-            for i in range(60):
+            for i in range(120):
                 client.wish(iso=0.4 + 0.001 * i)
                 end = time.monotonic() + 1 / 60
                 while (left := end - time.monotonic()) > 0:
@@ -452,12 +453,7 @@ def test_over_a_slow_line_the_latest_wish_comes_next(server: Server) -> None:
                             answered.append(said["wish"])
                 if i == 30:
                     other.until("fine", other.wish(iso=0.5))
-            assert answered == sorted(answered)
-            # What was on its way, what waited behind it, and the last one.
-            late = 0
-            while client.until("show")["wish"] != client.wish_number:
-                late += 1
-            assert late <= 2
+            assert answered == sorted(answered) and len(answered) < 120
             client.until("fine", client.wish_number)
             assert open_edges(client.mesh()[2]) == 0
         relay.communicate()
@@ -479,7 +475,7 @@ def test_a_volume_behind_a_url(folder: Path, tmp_path: Path) -> None:
 
 
 def test_it_ends_in_the_middle_of_an_extraction(folder: Path, tmp_path: Path) -> None:
-    for after in (0.0, 0.05, 0.3):
+    for after in (0.0, 0.2):
         server = Server(EXECUTABLE, "serve", folder / "field.isb", env=os.environ | {"TMPDIR": str(tmp_path)})
         opened(server)
         lines = contextlib.ExitStack()

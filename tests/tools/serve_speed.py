@@ -58,6 +58,7 @@ class Drag:
         self.done: set[int] = set()
         self.bytes: list[int] = []
         self.before = client.bytes
+        client.says_shown = False
 
     def wish(self) -> int:
         isovalue = self.isovalue * (1 + 0.0005 * (len(self.wished) % 20 + 1))
@@ -78,10 +79,7 @@ class Drag:
             unpack(client.kept[number].packed)
         self.done = set(client.shown)
         now = time.perf_counter()
-        client.socket.send(
-            json.dumps({"type": "shown", "pass": said["pass"], "seconds": now - (client.since or now)})
-        )
-        client.since = None
+        client.say_shown(said)
         if said["wish"] in self.wished:
             self.seconds.append(now - self.wished[said["wish"]])
             self.triangles.append(said["triangles"])
@@ -108,6 +106,7 @@ def drag(client: Client, isovalue: float, times: int = 60, **members: Any) -> di
         wish = moving.wish()
         while moving.take(60) != wish:
             pass
+    client.says_shown = True
     return moving.results()
 
 
@@ -120,6 +119,7 @@ def drag_at_60_hz(client: Client, isovalue: float, seconds: float = 8) -> dict[s
             moving.wish()
             following += 1 / 60
         moving.take(max(0.001, following - time.perf_counter()))
+    client.says_shown = True
     client.until("fine", moving.wish(), 600)
     return moving.results()
 

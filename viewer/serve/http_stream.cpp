@@ -28,7 +28,7 @@ namespace websocket = boost::beast::websocket;
 using StreamError = boost::system::error_code;
 
 // On its way to a client; what waits beyond it can still be replaced.
-constexpr std::size_t kMostOnTheWay = 64 << 10;
+constexpr std::size_t kMostOnTheWay = 16 << 10;
 // Of messages of all kinds: who takes none of so many is gone.
 constexpr std::size_t kMostMessages = 4096;
 constexpr auto kBetweenMessages = std::chrono::milliseconds(4);

@@ -108,10 +108,12 @@ void SurfaceSession::take(const ClientMessage& message) {
     const auto pass = told_triangles_.find(shown->pass);
     if (pass == told_triangles_.end()) return;
     requests_.noteDrawing(pass->second, shown->seconds);
+    requests_.noteSeen(clockSeconds());
     told_triangles_.erase(told_triangles_.begin(), std::next(pass));
   }
   if (const auto* const wish = std::get_if<ClientWish>(&message)) {
     wish_ = *wish;
+    is_new_ = true;
     chunks_.bound(wish->most_triangles, wish->most_bytes);
     told_fine_ = false;
     told_error_.clear();
@@ -122,9 +124,10 @@ std::optional<double> SurfaceSession::update() {
   UploadAllowance allowance;
   requests_.take(clockSeconds(), allowance);
   tellShown();
-  if (wish_) {
+  if (wish_ && (is_new_ || isSeen())) {
     requests_.request(wish_->surfaces, clockSeconds());
     numbers_.try_emplace(requests_.latestRequest(), wish_->number);
+    is_new_ = false;
   }
   tellDropped();
   tellState();
@@ -133,11 +136,19 @@ std::optional<double> SurfaceSession::update() {
   return told_fine_ ? std::nullopt : std::optional(kFrame);
 }
 
+// Nothing finer is made for a client that does not see the first answer yet: it may well have
+// another wish when it does.
+bool SurfaceSession::isSeen() const {
+  constexpr double kUnsaidSeconds = 0.5;  // not all clients say it
+  return told_triangles_.empty() || clockSeconds() - told_at_ > kUnsaidSeconds;
+}
+
 void SurfaceSession::tellShown() {
   const ShownSurfaces& shown = requests_.shown();
   if (shown.passes() == told_passes_) return;
   told_passes_ = shown.passes();
   const StreamMessage& pass = shown.pass();
+  told_at_ = clockSeconds();
   constexpr std::size_t kMostUnseen = 64;
   told_triangles_.emplace(told_passes_, pass.triangles_made);
   if (told_triangles_.size() > kMostUnseen) told_triangles_.erase(told_triangles_.begin());

@@ -89,6 +89,7 @@ class SurfaceSession {
   std::optional<double> update();
 
  private:
+  bool isSeen() const;
   void tellShown();
   void tellDropped();
   void tellState();
@@ -101,7 +102,9 @@ class SurfaceSession {
   ClientChunks chunks_;
   std::optional<ClientWish> wish_;
   std::map<std::uint64_t, std::int64_t> numbers_;  // of wishes, by request
+  bool is_new_ = false;                            // not asked for yet
   std::uint64_t told_passes_ = 0;
+  double told_at_ = 0.0;  // of clockSeconds()
   // That were sent, by pass, until the client says that it is on the screen.
   std::map<std::uint64_t, std::uint64_t> told_triangles_;
   bool told_fine_ = true;

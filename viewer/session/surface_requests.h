@@ -83,6 +83,10 @@ class SurfaceRequests {
   void noteDrawing(std::uint64_t triangles, double seconds) {
     pace_.noteDrawing(triangles, seconds);
   }
+  // The user sees the answer to the last change from now on: the view is at rest so much later.
+  void noteSeen(double seconds) {
+    if (!asked_for_all_) last_change_ = seconds;
+  }
   bool drawsBetterLater() const { return pace_.drawsBetterLater(longestWait()); }
 
   const ShownSurfaces& shown() const { return shown_; }
