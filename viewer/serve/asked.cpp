@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <glm/common.hpp>
+#include <glm/gtc/type_ptr.hpp>
 #include <utility>
 
 #include "isobrick/storage/error.h"
@@ -74,13 +75,13 @@ std::optional<std::array<double, N>> Asked::numbers(const char* name) const {
   const AskedJson* const value = find(name);
   if (value == nullptr) return std::nullopt;
   std::array<double, N> numbers{};
-  bool are_numbers = N == 1 || (value->is_array() && value->size() == N);
-  for (std::size_t i = 0; i < N && are_numbers; ++i) {
-    const AskedJson& number = N == 1 ? *value : (*value)[i];
-    are_numbers = number.is_number();
-    if (are_numbers) numbers[i] = number.get<double>();
+  for (std::size_t i = 0; i < N; ++i) {
+    const bool is_there = N == 1 || (value->is_array() && value->size() == N);
+    const AskedJson& number = N == 1 || !is_there ? *value : (*value)[i];
+    if (!number.is_number() || !is_there)
+      refuseMember(name, N == 1 ? "a number" : std::to_string(N) + " numbers");
+    numbers[i] = number.get<double>();
   }
-  if (!are_numbers) refuseMember(name, N == 1 ? "a number" : std::to_string(N) + " numbers");
   return numbers;
 }
 
@@ -97,15 +98,19 @@ std::optional<glm::dvec3> Asked::point(const char* name) const {
   constexpr double kFar = 1e12;
   const auto point = numbers<3>(name);
   if (!point) return std::nullopt;
-  return glm::clamp(glm::dvec3((*point)[0], (*point)[1], (*point)[2]), glm::dvec3(-kFar),
-                    glm::dvec3(kFar));
+  return glm::clamp(glm::make_vec3(point->data()), glm::dvec3(-kFar), glm::dvec3(kFar));
+}
+
+template <typename T>
+std::optional<T> Asked::of(const char* name, AskedJson::value_t type, const char* what) const {
+  const AskedJson* const value = find(name);
+  if (value == nullptr) return std::nullopt;
+  if (value->type() != type) refuseMember(name, what);
+  return value->get<T>();
 }
 
 std::optional<bool> Asked::flag(const char* name) const {
-  const AskedJson* const value = find(name);
-  if (value == nullptr) return std::nullopt;
-  if (!value->is_boolean()) refuseMember(name, "true or false");
-  return value->get<bool>();
+  return of<bool>(name, AskedJson::value_t::boolean, "true or false");
 }
 
 std::optional<Asked> Asked::object(const char* name) const {
@@ -116,10 +121,7 @@ std::optional<Asked> Asked::object(const char* name) const {
 }
 
 std::string Asked::text(const char* name) const {
-  const AskedJson* const value = find(name);
-  if (value == nullptr) return {};
-  if (!value->is_string()) refuseMember(name, "text");
-  return value->get<std::string>();
+  return of<std::string>(name, AskedJson::value_t::string, "text").value_or("");
 }
 
 std::optional<double> Asked::within(const char* name, double least, double most) const {

@@ -47,6 +47,8 @@ class Asked {
   const nlohmann::json* find(const char* name) const;
   template <std::size_t N>
   std::optional<std::array<double, N>> numbers(const char* name) const;
+  template <typename T>
+  std::optional<T> of(const char* name, nlohmann::json::value_t type, const char* what) const;
 
   nlohmann::json members_;
 };

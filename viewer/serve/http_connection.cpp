@@ -33,8 +33,6 @@ using Field = http::field;
 using Status = http::status;
 
 constexpr std::size_t kMostHeaderBytes = 8 << 10;
-// A client that takes nothing of an answer for so long is gone.
-constexpr auto kStalledAfter = std::chrono::seconds(kIdleSeconds);
 constexpr std::string_view kTextType = "text/plain; charset=utf-8";
 constexpr char kNoSuchName[] = "there is nothing of this name";
 
@@ -59,11 +57,9 @@ std::string_view typeOf(std::string_view name) {
       {".json", "application/json"},
       {".svg", "image/svg+xml"},
       {".png", "image/png"},
-      {".wasm", "application/wasm"},
       {".glb", "model/gltf-binary"},
       {".stl", "model/stl"},
       {".ply", "application/octet-stream"},
-      {".ico", "image/x-icon"},
   };
   for (const auto& [ending, type] : kTypes)
     if (name.ends_with(ending)) return type;
@@ -389,7 +385,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   }
   template <typename Body>
   void sendSome(const std::shared_ptr<Sending<Body>>& sending) {
-    stream_.expires_after(kStalledAfter);
+    stream_.expires_after(std::chrono::seconds(kIdleSeconds));
     http::async_write_some(
         stream_, sending->serializer,
         [self = shared_from_this(), sending](HttpError error, std::size_t bytes) {

@@ -27,7 +27,7 @@ class StreamConnection;
 inline constexpr std::size_t kMostConnections = 400, kMostClients = 200;
 // Until a request has come.
 inline constexpr int kRequestSeconds = 10;
-// Without a sign of life of a client.
+// Without a sign of life of a client, or without its taking any of an answer.
 inline constexpr int kIdleSeconds = 60;
 
 // A thread for work that the network does not wait for, in the order in which it comes. The

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/serve/served_volumes.h"
@@ -53,19 +52,16 @@ SurfaceFileOrder surfaceFileOrder(const Asked& words, const std::string& extensi
   if (focus && order.query.uniform_level) throw Error("'focus' and 'level' do not go together");
   if (const auto distance = words.within("simplify", 1e-6, kFarVoxels))
     order.query.simplify = SimplifyOptions{*distance};
-  order.meshopt = words.integer("meshopt", 0, 1).value_or(0) == 1;
-  if (order.meshopt && extension != ".glb") throw Error("'meshopt' is for surface.glb alone");
+  order.options.meshopt = words.integer("meshopt", 0, 1).value_or(0) == 1;
+  if (order.options.meshopt && extension != ".glb")
+    throw Error("'meshopt' is for surface.glb alone");
   return order;
 }
 
 void writeSurfaceFile(const Pyramid& pyramid, SurfaceFileOrder order, const std::string& path,
                       const CancelFlag& cancel) {
-  order.query.cancel = &cancel;
-  MeshFileOptions options;
-  options.cancel = &cancel;
-  options.meshopt = order.meshopt;
-  const auto sink = makeMeshFileSink(path, options);
-  extractIsosurface(pyramid, order.query, *sink);
+  order.query.cancel = order.options.cancel = &cancel;
+  extractIsosurface(pyramid, order.query, *makeMeshFileSink(path, order.options));
 }
 
 std::string surfaceTag(const OpenedVolume& volume, const Asked& words,

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/session/volume_opener.h"
@@ -17,7 +18,7 @@ namespace isobrick {
 // A surface that is asked for, checked.
 struct SurfaceFileOrder {
   Query query;
-  bool meshopt = false;
+  MeshFileOptions options;
 };
 // Throws Error for words that are no query. `extension`: ".glb", ".ply" or ".stl".
 SurfaceFileOrder surfaceFileOrder(const Asked& words, const std::string& extension);
