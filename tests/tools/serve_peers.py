@@ -4,7 +4,7 @@
 JPEG of 1280 x 800. `whole volume`: as vtk.js does it: the browser fetches the volume, packed by gzip, and makes the
 surfaces. With MILLISECONDS, there and back, and MEGABITS a second over a line like that (delay_relay.py).
 
-Needs vtk, numpy and playwright (with its Chromium) of PyPI, and npm, which fetches vtk.js and esbuild into a temporary folder.
+Needs vtk, numpy and playwright of PyPI, Debian's chromium, and npm, which fetches vtk.js and esbuild.
 """
 
 from __future__ import annotations
@@ -48,10 +48,8 @@ window.run = async (size, spacing, isovalues) => {
 """
 
 
-def relayed(port: int) -> tuple[int, subprocess.Popen[str] | None]:
-    if len(sys.argv) < 4:
-        return port, None
-    words = [sys.executable, str(RELAY), "127.0.0.1", str(port), *sys.argv[3:5]]
+def relayed(port: int) -> tuple[int, subprocess.Popen[str]]:
+    words = [sys.executable, str(RELAY), "127.0.0.1", str(port), *(sys.argv[3:5] or ["0"])]
     relay = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert relay.stdout is not None
     return int(relay.stdout.readline()), relay
@@ -83,31 +81,21 @@ def serve_pictures(path: str, listening: socket.socket) -> None:
         line.sendall(struct.pack("<QQ", len(picture), contour.GetOutput().GetNumberOfPolys()) + picture)
 
 
-def take(line: socket.socket, size: int) -> bytes:
-    data = b""
-    while len(data) < size:
-        data += line.recv(size - len(data))
-    return data
-
-
 def pictures(path: str, isovalue: float) -> dict[str, Any]:
     listening = socket.create_server(("127.0.0.1", 0))
     server = multiprocessing.Process(target=serve_pictures, args=(path, listening), daemon=True)
     server.start()
     port, relay = relayed(listening.getsockname()[1])
-    line = socket.create_connection(("127.0.0.1", port))
     seconds, sizes = [], []
-    for i in range(22):
-        begin = time.perf_counter()
-        line.sendall(struct.pack("<d", isovalue * (1 + 0.0005 * i)))
-        size, triangles = struct.unpack("<QQ", take(line, 16))
-        take(line, size)
-        seconds.append(time.perf_counter() - begin)
-        sizes.append(size)
-    line.close()
-    server.join()
-    if relay is not None:
-        relay.communicate()
+    with socket.create_connection(("127.0.0.1", port)) as line, line.makefile("rb") as answers:
+        for i in range(22):
+            begin = time.perf_counter()
+            line.sendall(struct.pack("<d", isovalue * (1 + 0.0005 * i)))
+            size, triangles = struct.unpack("<QQ", answers.read(16))
+            sizes.append(len(answers.read(size)))
+            seconds.append(time.perf_counter() - begin)
+    server.kill()
+    relay.communicate()
     return {"first_s": seconds[0], "median_s": statistics.median(seconds[2:]), "p95_s": sorted(seconds[2:])[18],
             "bytes": int(statistics.median(sizes)), "triangles": triangles}
 
@@ -145,14 +133,13 @@ def whole_volume(path: str, isovalue: float) -> dict[str, Any]:
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Files)
     multiprocessing.Process(target=server.serve_forever, daemon=True).start()
     port, relay = relayed(server.server_port)
-    with sync_playwright() as playwright, playwright.chromium.launch() as browser:
-        page = browser.new_page()
+    with sync_playwright() as playwright:
+        page = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"]).new_page()
         page.goto(f"http://127.0.0.1:{port}/")
         values_of = [isovalue * (1 + 0.0005 * i) for i in range(6)]
         page.set_default_timeout(600_000)
         done = page.evaluate("([size, isovalues]) => run(size, [1, 1, 1], isovalues)", [size, values_of])
-    if relay is not None:
-        relay.communicate()
+    relay.communicate()
     return {"bytes": len(packed), "first_s": done["fetched"] + done["seconds"][0],
             "median_s": statistics.median(done["seconds"][1:]), "triangles": done["triangles"]}
 
