@@ -17,9 +17,10 @@ from websockets.sync.client import ClientConnection, connect
 class Server:
     """The command under test, which ends with the block."""
 
-    def __init__(self, *words: object) -> None:
+    def __init__(self, *words: object, **options: Any) -> None:
         self.process = subprocess.Popen(
-            [str(word) for word in words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [str(word) for word in words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            **options,
         )
         assert self.process.stdout is not None
         url = self.process.stdout.readline().strip()
@@ -227,6 +228,8 @@ class Client:
     shown: set[int] = field(default_factory=set)
     bytes: int = 0
     last: dict[str, Any] = field(default_factory=dict)
+    since: float | None = None  # when the first chunk came that is not shown yet
+    says_shown: bool = True  # at once
     wish_number: int = 0
 
     def begin(self) -> Client:
@@ -249,6 +252,7 @@ class Client:
             message = self.socket.recv(timeout)
             if isinstance(message, bytes):
                 self.bytes += len(message)
+                self.since = self.since or time.perf_counter()
                 chunk = Chunk.of(message)
                 assert chunk.number not in self.kept
                 self.kept[chunk.number] = chunk
@@ -271,6 +275,15 @@ class Client:
                 self.shown.discard(number)
         if said["type"] == "show":
             assert self.triangles() == said["triangles"]
+            if self.says_shown:
+                self.say_shown(said)
+
+    def say_shown(self, said: dict[str, Any]) -> None:
+        """After a `show`."""
+        now = time.perf_counter()
+        seconds = now - (self.since or now)
+        self.since = None
+        self.socket.send(json.dumps({"type": "shown", "pass": said["pass"], "seconds": seconds}))
 
     def until(self, kind: str, wish: int | None = None, seconds: float = 60) -> dict[str, Any]:
         """Receives up to a message of this type, of this wish."""

@@ -8,8 +8,11 @@ import http.client
 import json
 import os
 import random
+import signal
 import socket
+import struct
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,6 +25,8 @@ from stream_client import Client, Server, open_edges
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from isobrick._command import EXECUTABLE
+
+TESTS = Path(__file__).parents[2] / "tests"
 
 
 def run(*words: object) -> None:
@@ -238,7 +243,8 @@ def test_keys_hosts_and_origins(server: Server) -> None:
     assert status == 200 and "access-control-allow-origin" not in headers
     assert "default-src 'none'" in headers["content-security-policy"]
     assert ask(server, "/api/volumes", method="OPTIONS", Origin=server.address)[0] == 405
-    assert ask(server, "/api/volumes", method="POST")[0] == 405
+    status, headers, _ = ask(server, "/api/volumes", method="POST")
+    assert status == 405 and headers["allow"] == "GET, HEAD"
     for protocols in (["isobrick.1"], ["token." + server.key], ["isobrick.1", "token." + "0" * 32]):
         with pytest.raises(InvalidStatus) as refused:
             with server.stream(subprotocols=protocols):
@@ -302,6 +308,10 @@ def test_a_folder_and_a_volume(folder: Path, tmp_path: Path) -> None:
         names = [row["name"] for row in json.loads(ask(server, "/api/volumes")[2])["volumes"]]
         assert names == ["a.isb", "scan.nrrd"]
         assert ask(server, "/api/volume/1/slice.png")[0] == 409
+        status, _, picture = ask(server, "/api/volume/0/slice.png?size=32")
+        assert status == 200 and max(struct.unpack_from(">II", picture, 16)) <= 32
+        rows = json.loads(ask(server, "/api/volumes")[2])["volumes"]
+        assert [row["state"] for row in rows] == ["closed", "closed"], "a picture opens nothing"
         assert opened(server, 1)["dimensions"] == [48, 48, 48]
         assert list((tmp_path / "cache").glob("*.isb"))
         with server.stream(1) as line:
@@ -365,6 +375,120 @@ def test_connections_that_say_nothing_are_ended(server: Server) -> None:
         begin = time.monotonic()
         assert half.recv(1) == b""
         assert 5 < time.monotonic() - begin < 25
+
+
+def test_head_and_range(server: Server) -> None:
+    opened(server)
+    connection = http.client.HTTPConnection(server.host, timeout=30)
+    key = {"Authorization": "Bearer " + server.key}
+    path = "/api/volume/0/surface.glb?iso=0.5&level=2"
+    for headers in ({}, {"Range": "bytes=3-9"}, {"Range": "bytes=9-3,x"}, {"Expect": "100-continue"}):
+        # On one connection, so that a body where none may be would be seen.
+        connection.request("HEAD", path, headers=key | headers)
+        answer = connection.getresponse()
+        assert answer.status == 200 and answer.read() == b""
+        length = int(answer.headers["Content-Length"])
+        connection.request("GET", path, headers=key | headers)
+        answer = connection.getresponse()
+        assert answer.status == 200 and len(answer.read()) == length
+        for method in ("HEAD", "OPTIONS", "DELETE"):
+            connection.request(method, "/api/volume/9", headers=key)
+            answer = connection.getresponse()
+            assert answer.status == (404 if method == "HEAD" else 405)
+            assert (answer.read() == b"") == (method == "HEAD")
+    connection.close()
+
+
+def test_a_file_that_is_replaced_while_it_is_served(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "field.isb"
+    path.write_bytes((folder / "field.isb").read_bytes())
+    run("build", folder / "field.nrrd", "-o", tmp_path / "other.isb", "--brick", 32)
+    with Server(EXECUTABLE, "serve", path, "--memory", "1M") as server:
+        before = opened(server)
+        with server.stream() as line:
+            client = Client(line).begin()
+            client.until("fine", client.wish(iso=0.5))
+            os.replace(tmp_path / "other.isb", path)
+            assert opened(server)["edition"] != before["edition"]
+            client.until("fine", client.wish(iso=0.6))
+            assert open_edges(client.mesh()[2]) == 0
+        # Cut off in its place: an error, and others go on.
+        with server.stream() as line:
+            client = Client(line).begin()
+            os.truncate(path, path.stat().st_size // 2)
+            with contextlib.suppress(AssertionError, ConnectionClosed):
+                client.until("fine", client.wish(iso=0.7))
+        assert ask(server, "/healthz")[0] == 200
+        path.unlink()
+        for _ in range(100):
+            if ask(server, "/api/volume/0")[0] == 500:
+                break
+            time.sleep(0.05)
+        assert "No such file" in json.loads(ask(server, "/api/volume/0")[2])["error"]
+        assert server.end()[0] == 0
+
+
+def relay_of(server: Server, milliseconds: float, megabits: float) -> subprocess.Popen[str]:
+    """A slow line to the server, until its stdin is closed; says its port."""
+    words = [sys.executable, str(TESTS / "support" / "delay_relay.py"), *server.host.split(":")]
+    return subprocess.Popen([*words, str(milliseconds), str(megabits)], stdin=subprocess.PIPE,
+                            stdout=subprocess.PIPE, text=True)
+
+
+def test_a_slow_line_slows_itself_alone(server: Server) -> None:
+    with relay_of(server, 20, 2) as relay:
+        assert relay.stdout is not None
+        sock = socket.create_connection(("127.0.0.1", int(relay.stdout.readline())))
+        with server.stream(sock=sock) as line, server.stream() as near:
+            client, other = Client(line).begin(), Client(near).begin()
+            client.until("fine", client.wish(iso=0.4))
+            answered = []
+            for i in range(120):
+                client.wish(iso=0.4 + 0.001 * i)
+                end = time.monotonic() + 1 / 60
+                while (left := end - time.monotonic()) > 0:
+                    with contextlib.suppress(TimeoutError):
+                        said = client.receive(left)
+                        if said["type"] == "show":
+                            answered.append(said["wish"])
+                if i == 30:
+                    other.until("fine", other.wish(iso=0.5))
+            assert answered == sorted(answered) and len(answered) < 120
+            client.until("fine", client.wish_number)
+            assert open_edges(client.mesh()[2]) == 0
+        relay.communicate()
+
+
+def test_a_volume_behind_a_url(folder: Path, tmp_path: Path) -> None:
+    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
+        assert ranges.stdout is not None
+        url = f"http://127.0.0.1:{int(ranges.stdout.readline())}/good/field.isb"
+        with Server(EXECUTABLE, "serve", url, "--cache-folder", tmp_path) as server:
+            assert ask(server, "/api/volume/0/slice.png?size=48")[0] == 200
+            assert opened(server)["name"] == "field.isb"
+            with server.stream() as line:
+                client = Client(line).begin()
+                client.until("fine", client.wish(iso=0.5))
+                assert open_edges(client.mesh()[2]) == 0
+        ranges.communicate()
+
+
+def test_it_ends_in_the_middle_of_an_extraction(folder: Path, tmp_path: Path) -> None:
+    for after in (0.0, 0.2):
+        server = Server(EXECUTABLE, "serve", folder / "field.isb", env=os.environ | {"TMPDIR": str(tmp_path)})
+        opened(server)
+        lines = contextlib.ExitStack()
+        for i in range(5):
+            Client(lines.enter_context(server.stream())).begin().wish(iso=0.4 + 0.1 * i)
+        with concurrent.futures.ThreadPoolExecutor(6) as pool:
+            for i in range(6):
+                pool.submit(ask, server, f"/api/volume/0/surface.glb?iso=0.{i + 3}&meshopt=1&simplify=0.2")
+            time.sleep(after)
+            server.process.send_signal(signal.SIGINT)
+            assert server.end()[0] == 0
+            lines.close()
+        assert not list(tmp_path.iterdir()), "no surface is left behind"
 
 
 def test_it_ends_with_clients_at_work(folder: Path) -> None:

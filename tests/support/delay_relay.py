@@ -1,20 +1,26 @@
 #!/usr/bin/env python3
 """A long line for tests where the kernel has no netem: a relay that hands everything on later.
 
-usage: delay_relay.py HOST PORT MILLISECONDS
+usage: delay_relay.py HOST PORT MILLISECONDS [MEGABITS]
 
 Listens on a free port of 127.0.0.1, prints it and relays to HOST:PORT until its stdin ends. MILLISECONDS is the
 time there and back: half of it passes for all bytes in each direction, however many are underway, and all of it
-once more at the begin of a connection, for its handshake. Python's library alone.
+once more at the begin of a connection, for its handshake. With MEGABITS so many a second pass in each direction, and
+at most 50 ms of them wait at the begin of the line. Python's library alone.
 """
 import asyncio
 import os
+import socket
 import sys
 import threading
 
 
-async def pump(reader, writer, delay, first_delay=0.0):
-    """Hands on in order, each piece `delay` after it came."""
+PIECE = 4096  # bytes that pass a slow line at once
+WAITING_SECONDS = 0.05
+
+
+async def pump(reader, writer, delay, rate, first_delay=0.0):
+    """Hands on in order, each piece `delay` after it came and the line was free for it."""
     loop = asyncio.get_running_loop()
     queue = asyncio.Queue()
 
@@ -31,9 +37,12 @@ async def pump(reader, writer, delay, first_delay=0.0):
 
     sender = asyncio.create_task(send())
     try:
-        opened = loop.time() + first_delay
-        while data := await reader.read(1 << 18):
-            queue.put_nowait((max(loop.time(), opened) + delay, data))
+        free = loop.time() + first_delay
+        while data := await reader.read(PIECE if rate else 1 << 18):
+            free = max(loop.time(), free) + (len(data) / rate if rate else 0.0)
+            queue.put_nowait((free + delay, data))
+            if rate:
+                await asyncio.sleep(max(0.0, free - loop.time() - WAITING_SECONDS))
     except ConnectionError:
         pass
     queue.put_nowait((loop.time() + delay, b""))
@@ -45,10 +54,17 @@ async def pump(reader, writer, delay, first_delay=0.0):
 
 async def main():
     host, port, delay = sys.argv[1], int(sys.argv[2]), float(sys.argv[3]) / 1000
+    rate = 125_000 * float(sys.argv[4]) if len(sys.argv) > 4 else 0.0  # bytes a second
 
     async def serve(reader, writer):
-        far_reader, far_writer = await asyncio.open_connection(host, port)
-        await asyncio.gather(pump(reader, far_writer, delay / 2, delay), pump(far_reader, writer, delay / 2))
+        far = socket.socket()
+        if rate:  # else megabytes wait in front of the line
+            far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 * PIECE)
+        far.setblocking(False)
+        await asyncio.get_running_loop().sock_connect(far, (host, port))
+        far_reader, far_writer = await asyncio.open_connection(sock=far, limit=PIECE if rate else 1 << 16)
+        await asyncio.gather(pump(reader, far_writer, delay / 2, rate, delay),
+                             pump(far_reader, writer, delay / 2, rate))
         writer.close()
         far_writer.close()
 

@@ -23,7 +23,7 @@ using asio::ip::tcp;
 void setSocketOptions(tcp::socket& socket) {
   boost::system::error_code ignored;
   socket.set_option(tcp::no_delay(true), ignored);
-  const int most_unsent = 64 << 10;
+  const int most_unsent = 16 << 10;
   setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &most_unsent,
              sizeof most_unsent);
 }

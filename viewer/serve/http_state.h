@@ -4,19 +4,19 @@
 #include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
-#include <memory>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/serve/access.h"
-#include "isobrick/viewer/serve/job_queue.h"
 #include "isobrick/viewer/serve/serve.h"
 #include "isobrick/viewer/serve/served_volumes.h"
 
@@ -27,8 +27,32 @@ class StreamConnection;
 inline constexpr std::size_t kMostConnections = 400, kMostClients = 200;
 // Until a request has come.
 inline constexpr int kRequestSeconds = 10;
-// Without a sign of life of a client.
+// Without a sign of life of a client, or without its taking any of an answer.
 inline constexpr int kIdleSeconds = 60;
+
+// A thread for work that the network does not wait for, in the order in which it comes. The
+// destructor waits for the job under way, and forgets those behind it.
+class JobQueue {
+ public:
+  explicit JobQueue(std::size_t most_waiting) : most_waiting_(most_waiting) {}
+
+  // False, and nothing is done, if too many wait. A job throws nothing.
+  template <typename Job>
+  bool add(Job job) {
+    if (waiting_ >= most_waiting_) return false;
+    ++waiting_;
+    boost::asio::post(thread_, [this, job = std::move(job)]() mutable {
+      --waiting_;
+      job();
+    });
+    return true;
+  }
+
+ private:
+  const std::size_t most_waiting_;
+  std::atomic<std::size_t> waiting_{0};
+  boost::asio::thread_pool thread_{1};
+};
 
 // All of it but jobs belongs to the thread of `io`.
 struct ServerState {
@@ -49,9 +73,8 @@ struct ServerState {
   std::string folder;  // for surfaces on their way; empty: none was needed yet
   std::uint64_t last_file = 0;
   CancelFlag stop;  // of jobs
-  // Last: their threads use the above.
-  JobQueue surfaces{1, 8}, slices{1, 64};
-  JobQueue ends{1, std::numeric_limits<std::size_t>::max()};  // destroys what may wait
+  // Last: their threads use the above. The last one ends sessions, which may wait for extractions.
+  JobQueue surfaces{8}, slices{64}, ends{~std::size_t{0}};
 };
 
 using HttpRequest = boost::beast::http::request<boost::beast::http::empty_body>;

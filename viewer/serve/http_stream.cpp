@@ -1,7 +1,6 @@
 // The WebSocket of a client: docs/SERVE.md, "The stream".
 #include <atomic>
 #include <boost/asio/buffer.hpp>
-#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -14,6 +13,7 @@
 #include <utility>
 #include <variant>
 
+#include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/serve/http_state.h"
 #include "isobrick/viewer/serve/surface_session.h"
 #include "isobrick/viewer/stream/latest_worker.h"
@@ -28,15 +28,11 @@ namespace websocket = boost::beast::websocket;
 using StreamError = boost::system::error_code;
 
 // On its way to a client; what waits beyond it can still be replaced.
-constexpr std::size_t kMostOnTheWay = 64 << 10;
+constexpr std::size_t kMostOnTheWay = 16 << 10;
 // Of messages of all kinds: who takes none of so many is gone.
 constexpr std::size_t kMostMessages = 4096;
 constexpr auto kBetweenMessages = std::chrono::milliseconds(4);
-constexpr auto kBetweenLooks = std::chrono::milliseconds(50);  // at an opening
-
-std::chrono::nanoseconds secondsOf(double seconds) {
-  return std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds));
-}
+constexpr double kBetweenLooks = 0.05;  // at an opening, seconds
 
 }  // namespace
 
@@ -86,10 +82,9 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     });
   }
 
-  void sendText(std::string text) override {
-    send({false,
-          std::vector<std::byte>(reinterpret_cast<const std::byte*>(text.data()),
-                                 reinterpret_cast<const std::byte*>(text.data()) + text.size())});
+  void sendText(const std::string& text) override {
+    const auto* const bytes = reinterpret_cast<const std::byte*>(text.data());
+    send({false, std::vector<std::byte>(bytes, bytes + text.size())});
   }
   void sendChunk(std::vector<std::byte> packet) override {
     ++state_.counted.chunks;
@@ -115,20 +110,13 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     if (closing_) return;
     std::string error;
     const auto opened = state_.volumes.open(volume_, error);
-    nlohmann::ordered_json entry = state_.volumes.entryOf(volume_);
     if (!error.empty()) return fail(error);
-    if (opened != nullptr) return open(opened, entry["name"]);
-    if (messages_.empty()) {
-      entry["type"] = "opening";
-      sendText(entry.dump());
-    }
-    timer_.expires_after(4 * kBetweenLooks);
-    timer_.async_wait([self = shared_from_this()](StreamError stopped) {
-      if (!stopped) self->awaitVolume();
-    });
+    if (opened != nullptr) return open(opened);
+    if (messages_.empty()) sendTyped("opening", state_.volumes.entryOf(volume_));
+    after(kBetweenLooks, [](StreamConnection& self) { self.awaitVolume(); });
   }
 
-  void open(const std::shared_ptr<const OpenedVolume>& opened, const std::string& name) try {
+  void open(const std::shared_ptr<const OpenedVolume>& opened) try {
     // Threads of an extraction have news; one word of it is on its way at a time.
     const auto is_told = std::make_shared<std::atomic<bool>>(false);
     const auto on_news = [self = weak_from_this(), is_told, &io = state_.io] {
@@ -139,17 +127,14 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
       });
     };
     session_ = std::make_shared<SurfaceSession>(opened, state_.options.threads, *this, on_news);
-    nlohmann::ordered_json facts = factsOf(volume_, name, *opened);
-    facts["type"] = "volume";
-    sendText(facts.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    sendTyped("volume", state_.volumes.factsOf(volume_));
     if (!early_.empty()) take(early_);
   } catch (const std::exception& failure) {
     fail(failureWords(failure));
   }
 
   void fail(const std::string& error) {
-    const nlohmann::ordered_json json{{"type", "error"}, {"error", error}};
-    sendText(json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace));
+    sendTyped("error", {{"error", error}});
     close(websocket::close_code::internal_error, error);
   }
 
@@ -198,14 +183,22 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     } catch (const std::exception& failure) {
       return fail(failureWords(failure));
     }
-    if (!again) {
-      timer_.cancel();
-      return;
-    }
-    timer_.expires_after(secondsOf(*again));
-    timer_.async_wait([self = shared_from_this()](StreamError stopped) {
-      if (!stopped) self->update();
+    if (again) return after(*again, [](StreamConnection& self) { self.update(); });
+    timer_.cancel();
+  }
+
+  // `what` takes the place of what the timer was to do.
+  template <typename What>
+  void after(double seconds, What what) {
+    timer_.expires_after(std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds)));
+    timer_.async_wait([self = shared_from_this(), what](StreamError stopped) {
+      if (!stopped) what(*self);
     });
+  }
+
+  void sendTyped(const char* type, nlohmann::ordered_json json) {
+    json["type"] = type;
+    sendText(jsonText(json));
   }
 
   void send(Message message) {

@@ -1,11 +1,15 @@
 #include "isobrick/viewer/serve/served_volumes.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
-#include <glm/matrix.hpp>
+#include <charconv>
+#include <glm/gtc/type_ptr.hpp>
+#include <glm/mat4x4.hpp>
 #include <utility>
 
 #include "isobrick/storage/checksum.h"
-#include "isobrick/viewer/serve/chunk_packet.h"
+#include "isobrick/viewer/stream/chunk_packet.h"
 
 namespace isobrick {
 
@@ -14,28 +18,19 @@ namespace {
 using VolumeJson = nlohmann::ordered_json;
 using VolumeClock = std::chrono::steady_clock;
 
-template <typename Vector>
-VolumeJson listOf(const Vector& v) {
-  return {v.x, v.y, v.z};
+// Another one once another file has that path; empty: it is none of this machine.
+std::string fileNow(const std::string& path) {
+  struct stat facts {};
+  if (stat(path.c_str(), &facts) != 0) return {};
+  return std::to_string(facts.st_ino) + " " + std::to_string(facts.st_size) + " " +
+         std::to_string(facts.st_mtim.tv_sec) + " " + std::to_string(facts.st_mtim.tv_nsec);
 }
 
-VolumeJson columnsOf(const glm::dmat3& matrix) {
-  VolumeJson list = VolumeJson::array();
-  for (int column = 0; column < 3; ++column)
-    for (int row = 0; row < 3; ++row) list.push_back(matrix[column][row]);
-  return list;
-}
-
-VolumeJson indexToWorld(const GridGeometry& geometry) {
-  VolumeJson list = VolumeJson::array();
-  const glm::dmat3 matrix = geometry.indexToWorldMatrix();
-  for (int column = 0; column < 3; ++column) {
-    for (int row = 0; row < 3; ++row) list.push_back(matrix[column][row]);
-    list.push_back(0);
-  }
-  for (int row = 0; row < 3; ++row) list.push_back(geometry.origin[row]);
-  list.push_back(1);
-  return list;
+// Of a vector or, column after column, of a matrix.
+template <typename T>
+VolumeJson listOf(const T& numbers) {
+  const auto* const first = glm::value_ptr(numbers);
+  return std::vector(first, first + sizeof numbers / sizeof *first);
 }
 
 VolumeJson histogramJson(const ValueHistogram& histogram) {
@@ -72,12 +67,15 @@ std::shared_ptr<const OpenedVolume> ServedVolumes::open(std::size_t volume, std:
     return nullptr;
   }
   wanted.last_use = now;
+  const std::string file = fileNow(wanted.served.path);
+  if (wanted.opened != nullptr && file != wanted.file) wanted.opened.reset();
   if (wanted.opened != nullptr || wanted.opener != nullptr) return wanted.opened;
   if (!makeRoom()) {
     error = std::to_string(kMostOpen) + " volumes are in use, and no more can be open at once";
     return nullptr;
   }
   wanted.error.clear();
+  wanted.file = file;
   wanted.opener = std::make_unique<VolumeOpener>(build_, memory_bytes_, remote_);
   wanted.opener->open(wanted.served.path);
   return nullptr;
@@ -124,6 +122,18 @@ VolumeJson ServedVolumes::entryOf(std::size_t number) const {
   return json;
 }
 
+std::optional<VolumePath> volumePathOf(std::string_view path) {
+  constexpr std::string_view kBegin = "/api/volume/";
+  if (!path.starts_with(kBegin)) return std::nullopt;
+  path.remove_prefix(kBegin.size());
+  VolumePath result;
+  const auto read = std::from_chars(path.data(), path.data() + path.size(), result.volume);
+  if (read.ec != std::errc()) return std::nullopt;
+  result.rest = path.substr(static_cast<std::size_t>(read.ptr - path.data()));
+  if (!result.rest.empty() && result.rest.front() != '/') return std::nullopt;
+  return result;
+}
+
 std::string editionOf(const OpenedVolume& volume) {
   const Pyramid& pyramid = *volume.file;
   const std::string& provenance = pyramid.provenance();
@@ -133,25 +143,27 @@ std::string editionOf(const OpenedVolume& volume) {
   return std::to_string(sum);
 }
 
-VolumeJson factsOf(std::size_t number, const std::string& name, const OpenedVolume& volume) {
+VolumeJson ServedVolumes::factsOf(std::size_t number) const {
+  const OpenedVolume& volume = *volumes_[number].opened;
   const Pyramid& pyramid = *volume.file;
   const GridGeometry& geometry = pyramid.spec().geometry;
-  return {{"id", number},
-          {"name", name},
-          {"state", "open"},
-          {"dimensions", listOf(pyramid.spec().voxels)},
-          {"voxel_type", std::string(voxelTypeName(pyramid.spec().voxel_type))},
-          {"spacing", listOf(geometry.spacing)},
-          {"origin", listOf(geometry.origin)},
-          {"direction", columnsOf(geometry.direction)},
-          {"index_to_world", indexToWorld(geometry)},
-          {"unit", std::string(lengthUnitName(geometry.unit))},
-          {"value_range", {pyramid.realRange().min, pyramid.realRange().max}},
-          {"levels", pyramid.lattice().levels()},
-          {"position_step", PositionSteps(pyramid.spec().voxels).step()},
-          {"histogram", histogramJson(volume.histogram)},
-          {"isovalues", volume.histogram.isovalues},
-          {"edition", editionOf(volume)}};
+  glm::dmat4 index_to_world(geometry.indexToWorldMatrix());
+  index_to_world[3] = glm::dvec4(geometry.origin, 1.0);
+  VolumeJson json = entryOf(number);
+  json.update({{"dimensions", listOf(pyramid.spec().voxels)},
+               {"voxel_type", std::string(voxelTypeName(pyramid.spec().voxel_type))},
+               {"spacing", listOf(geometry.spacing)},
+               {"origin", listOf(geometry.origin)},
+               {"direction", listOf(geometry.direction)},
+               {"index_to_world", listOf(index_to_world)},
+               {"unit", std::string(lengthUnitName(geometry.unit))},
+               {"value_range", {pyramid.realRange().min, pyramid.realRange().max}},
+               {"levels", pyramid.lattice().levels()},
+               {"position_step", PositionSteps(pyramid.spec().voxels).step()},
+               {"histogram", histogramJson(volume.histogram)},
+               {"isovalues", volume.histogram.isovalues},
+               {"edition", editionOf(volume)}});
+  return json;
 }
 
 }  // namespace isobrick

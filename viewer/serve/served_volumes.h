@@ -6,7 +6,9 @@
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "isobrick/storage/remote_options.h"
@@ -32,8 +34,9 @@ class ServedVolumes {
   std::size_t count() const { return volumes_.size(); }
   std::size_t openCount() const;
   const std::string& pathOf(std::size_t volume) const { return volumes_[volume].served.path; }
-  // The volume if it is open; else it begins to be opened, unless that has just failed. Sets
-  // `error` if it cannot be opened now.
+  // The volume if it is open; else it begins to be opened, unless that has just failed. One whose
+  // file was replaced is opened anew; who uses it keeps the old one. Sets `error` if it cannot be
+  // opened now.
   std::shared_ptr<const OpenedVolume> open(std::size_t volume, std::string& error);
   // The same without opening it.
   std::shared_ptr<const OpenedVolume> find(std::size_t volume) const {
@@ -43,6 +46,8 @@ class ServedVolumes {
   void update();
   // Its row in the list: docs/SERVE.md, "Requests".
   nlohmann::ordered_json entryOf(std::size_t volume) const;
+  // The object of GET /api/volume/N; the volume is open.
+  nlohmann::ordered_json factsOf(std::size_t volume) const;
 
  private:
   struct Volume {
@@ -50,6 +55,7 @@ class ServedVolumes {
     std::shared_ptr<const OpenedVolume> opened = {};
     std::unique_ptr<VolumeOpener> opener = {};  // while it is opened
     std::string error = {};
+    std::string file = {};                                // when its opening began
     std::chrono::steady_clock::time_point last_use = {};  // or failure
   };
   bool makeRoom();
@@ -60,9 +66,15 @@ class ServedVolumes {
   std::vector<Volume> volumes_;
 };
 
-// The object of GET /api/volume/N, and its ETag's source.
+// Another one for another file, also of the same name.
 std::string editionOf(const OpenedVolume& volume);
-nlohmann::ordered_json factsOf(std::size_t number, const std::string& name,
-                               const OpenedVolume& volume);
+
+// The number of the volume and what is asked of it, for "/api/volume/12/slice.png"; nothing for
+// another path.
+struct VolumePath {
+  std::size_t volume = 0;
+  std::string_view rest;  // "/slice.png"
+};
+std::optional<VolumePath> volumePathOf(std::string_view path);
 
 }  // namespace isobrick

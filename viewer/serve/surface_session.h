@@ -6,15 +6,16 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "isobrick/viewer/serve/chunk_packet.h"
 #include "isobrick/viewer/serve/client_message.h"
 #include "isobrick/viewer/session/shown_volume.h"
 #include "isobrick/viewer/session/surface_requests.h"
 #include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/stream/chunk_packet.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 
 namespace isobrick {
@@ -23,7 +24,7 @@ namespace isobrick {
 class ClientLine {
  public:
   virtual ~ClientLine() = default;
-  virtual void sendText(std::string text) = 0;
+  virtual void sendText(const std::string& text) = 0;
   virtual void sendChunk(std::vector<std::byte> packet) = 0;
   // Little enough is on its way for another chunk to follow.
   virtual bool hasRoom() const = 0;
@@ -88,11 +89,11 @@ class SurfaceSession {
   std::optional<double> update();
 
  private:
-  void takeWish(const ClientWish& wish);
+  bool isSeen() const;
   void tellShown();
   void tellDropped();
   void tellState();
-  std::string limit() const;
+  void tellWithLimit(nlohmann::ordered_json message) const;
 
   const std::shared_ptr<const OpenedVolume> opened_;
   const ShownVolume shown_;
@@ -101,7 +102,11 @@ class SurfaceSession {
   ClientChunks chunks_;
   std::optional<ClientWish> wish_;
   std::map<std::uint64_t, std::int64_t> numbers_;  // of wishes, by request
+  bool is_new_ = false;                            // not asked for yet
   std::uint64_t told_passes_ = 0;
+  double told_at_ = 0.0;  // of clockSeconds()
+  // That were sent, by pass, until the client says that it is on the screen.
+  std::map<std::uint64_t, std::uint64_t> told_triangles_;
   bool told_fine_ = true;
   std::string told_error_;
   SurfaceRequests requests_;  // last: its threads use the above

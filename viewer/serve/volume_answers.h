@@ -7,8 +7,9 @@
 #include <vector>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/serve/url_query.h"
+#include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/stream/plane_sampler.h"
 
@@ -17,16 +18,16 @@ namespace isobrick {
 // A surface that is asked for, checked.
 struct SurfaceFileOrder {
   Query query;
-  bool meshopt = false;
+  MeshFileOptions options;
 };
 // Throws Error for words that are no query. `extension`: ".glb", ".ply" or ".stl".
-SurfaceFileOrder surfaceFileOrder(const UrlQuery& words, const std::string& extension);
+SurfaceFileOrder surfaceFileOrder(const Asked& words, const std::string& extension);
 // Extracts it into `path`, in the calling TBB arena. Throws Error, and Cancelled.
 void writeSurfaceFile(const Pyramid& pyramid, SurfaceFileOrder order, const std::string& path,
                       const CancelFlag& cancel);
 
 // The same surface and format of the same file have the same one.
-std::string surfaceTag(const OpenedVolume& volume, const UrlQuery& words,
+std::string surfaceTag(const OpenedVolume& volume, const Asked& words,
                        const std::string& extension);
 
 struct SlicePictureOrder {
@@ -37,7 +38,7 @@ struct SlicePictureOrder {
   std::optional<double> least;  // pixels below it, or without a value, are transparent
 };
 // Throws Error for words that are no slice of the volume.
-SlicePictureOrder slicePictureOrder(const UrlQuery& words, const Pyramid& pyramid);
+SlicePictureOrder slicePictureOrder(const Asked& words, const Pyramid& pyramid);
 // PNG. Throws Error, and Cancelled.
 std::string slicePicture(const Pyramid& pyramid, const SlicePictureOrder& order,
                          const CancelFlag& cancel);

@@ -55,7 +55,8 @@ bool ShownVolume::isOfOneLevel(const SurfaceWish& wish, double radius) const {
 }
 
 int ShownVolume::levelOf(double radius) const {
-  const double level = std::ceil(std::log2(volume_.diagonal() / radius) - 1e-9);
+  constexpr double kNearly = 0.25;  // of a level, which is 1.4 times the triangles
+  const double level = std::ceil(std::log2(volume_.diagonal() / radius) - kNearly);
   return std::min(static_cast<int>(level), firstLevel() + pyramid_->lattice().levels() - 1);
 }
 

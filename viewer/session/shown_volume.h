@@ -41,7 +41,7 @@ class ShownVolume {
   double radiusAtRest(const ViewState& state) const;
   // The radius of a pass that is at most as fine as one with `radius`. If surfaces are whole, it is
   // the diagonal over a power of two: over 2^l for one of level l, which has about as many
-  // triangles as one with that radius.
+  // triangles as one with that radius, or half as many again.
   double radiusOfPass(const SurfaceWish& wish, double radius) const;
   // As wishOf(), with the radius at rest of what is shown.
   SurfaceWish wishOf(const ViewState& state, double height) const;

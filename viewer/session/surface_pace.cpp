@@ -43,10 +43,9 @@ std::vector<double> doubledRadii(double quick, double wanted) {
 
 // The rates of one extraction and of one picture.
 double SurfacePace::fittingTriangles() const {
-  const double rate = rates_.drawn_per_second > 0.0
-                          ? std::min(rates_.triangles_per_second, rates_.drawn_per_second)
-                          : rates_.triangles_per_second;
-  return kDragSeconds * rate;
+  const double extracted = times_.extraction * rates_.triangles_per_second;
+  if (rates_.drawn_per_second == 0.0) return extracted;
+  return std::min(extracted, times_.drawing * rates_.drawn_per_second);
 }
 
 // Whether so many are enough for the time to be mostly their cost.
@@ -71,7 +70,7 @@ void SurfacePace::noteExtraction(double radius, std::uint64_t triangles, std::ui
   const double fitting = fittingTriangles();
   // For an empty surface the time is all there is to go by.
   const double share = triangles >= kFewest ? fitting / static_cast<double>(triangles)
-                                            : kDragSeconds / std::max(seconds, 1e-3);
+                                            : times_.extraction / std::max(seconds, 1e-3);
   double fits = radius * std::clamp(std::sqrt(share), 0.5, 2.0);
   rates_.too_large = radius >= rates_.too_large ? 0.0 : kForgotten * rates_.too_large;
   if (rates_.too_large > 0.0) fits = std::min(fits, belowTooLarge(radius, rates_.too_large));
@@ -90,9 +89,9 @@ void SurfacePace::noteDrawing(std::uint64_t triangles, double seconds) {
   const double rate = static_cast<double>(triangles) / seconds;
   const bool is_known = rates_.drawn_per_second > 0.0;
   constexpr double kFaster = 4.0;
-  if (seconds < 0.5 * kDragSeconds && rate > kFaster * rates_.drawn_per_second)
+  if (seconds < 0.5 * times_.drawing && rate > kFaster * rates_.drawn_per_second)
     rates_.drawn_per_second = 0.0;
-  else if (is_known || seconds >= kDragSeconds || areMany(triangles))
+  else if (is_known || seconds >= times_.drawing || areMany(triangles))
     rates_.drawn_per_second = nextRate(rates_.drawn_per_second, rate, areMany(triangles));
 }
 
@@ -101,9 +100,8 @@ void SurfacePace::noteOverBudget(double radius) {
 }
 
 double SurfacePace::quickRadius(double wanted, double age, double finest) const {
-  constexpr double kUnhurriedSeconds = 0.1;
   constexpr double kLeastShare = 0.25;  // a sixteenth of the surface
-  const double share = std::clamp(kUnhurriedSeconds / std::max(age, 1e-9), kLeastShare, 1.0);
+  const double share = std::clamp(times_.unhurried / std::max(age, 1e-9), kLeastShare, 1.0);
   const double growth = finest > 0.0 && rates_.finest > 0.0 ? finest / rates_.finest : 1.0;
   const double fits = rates_.radius * std::clamp(1.0 / std::sqrt(growth), 0.1, 2.0);
   return std::min(std::max(kLeastRadius, share * fits), wanted);

@@ -13,13 +13,18 @@
 
 namespace isobrick {
 
+// How long a surface for a user who moves may take, seconds.
+struct PaceTimes {
+  double extraction = 0.06;
+  double drawing = 0.06;   // of a picture, with the way to the screen
+  double unhurried = 0.1;  // behind the request; from then on surfaces get smaller
+};
+
 // From the rates of the extractions and pictures so far it finds the radius that follows a user who
 // moves, the steps in which the surface grows fine again at rest, and whether a slow picture waits
 // for the next surface. Radii are voxels.
 class SurfacePace {
  public:
-  // The time that one extraction, and one picture, may take while a slider is dragged.
-  static constexpr double kDragSeconds = 0.06;
   // No surface is coarser than with this radius.
   static constexpr double kLeastRadius = 8.0;
   // The view is at rest if the user has not changed anything for so long.
@@ -36,7 +41,8 @@ class SurfacePace {
   };
 
   SurfacePace() = default;
-  explicit SurfacePace(const Rates& rates) : rates_(rates) {}
+  explicit SurfacePace(const Rates& rates, const PaceTimes& times = {})
+      : times_(times), rates_(rates) {}
   const Rates& rates() const { return rates_; }
 
   // After an extraction with `radius`, which made `made` of its triangles anew; it does nothing if
@@ -87,6 +93,7 @@ class SurfacePace {
   bool areMany(std::uint64_t triangles) const;
   double extractionRate(std::uint64_t triangles, double seconds) const;
 
+  PaceTimes times_;
   Rates rates_;
   double last_drawing_ = 0.0;  // seconds
 };

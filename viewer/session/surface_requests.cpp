@@ -76,11 +76,13 @@ std::size_t ShownSurfaces::lostPieces() const {
 SurfaceRequests::SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram,
                                  ChunkStore& store, ChunkBudget budget, int threads,
                                  std::shared_ptr<KnownComponents> known,
-                                 std::function<void()> on_news, ChunkDelivery delivery)
+                                 std::function<void()> on_news, ChunkDelivery delivery,
+                                 const PaceTimes& times)
     : volume_(volume),
       histogram_(histogram),
       budget_(std::move(budget)),
       known_(std::move(known)),
+      pace_(SurfacePace::Rates(), times),
       surfaces_(std::in_place, store, budget_),
       stream_(volume.pyramid(), threads, std::move(on_news), SurfaceStream::kPatienceSeconds,
               known_, std::min(SurfaceStream::kQueueBytes, budget_.most() / 4),

@@ -63,10 +63,11 @@ class SurfaceRequests {
  public:
   // `volume` and `histogram`, which predicts triangles, outlive it. `budget`: of chunks in the
   // store; `threads`: of the extraction; `known`: the lists of components that it uses and adds to.
-  // `on_news` and `delivery` are those of the stream.
+  // `on_news` and `delivery` are those of the stream, `times` those of the pace.
   SurfaceRequests(const ShownVolume& volume, const ValueHistogram& histogram, ChunkStore& store,
                   ChunkBudget budget, int threads, std::shared_ptr<KnownComponents> known,
-                  std::function<void()> on_news = {}, ChunkDelivery delivery = {});
+                  std::function<void()> on_news = {}, ChunkDelivery delivery = {},
+                  const PaceTimes& times = {});
 
   // For each frame, in this order: takes what has come, within `allowance`, and asks for the
   // surfaces of the view.
@@ -77,8 +78,15 @@ class SurfaceRequests {
   void suspend();
   void resume(ChunkStore& store);
 
-  // Of a picture of the surfaces, with showing it.
+  // Of a picture of the surfaces, with showing it; or of so many triangles, somewhere else.
   void noteDrawing(double seconds);
+  void noteDrawing(std::uint64_t triangles, double seconds) {
+    pace_.noteDrawing(triangles, seconds);
+  }
+  // The user sees the answer to the last change from now on: the view is at rest so much later.
+  void noteSeen(double seconds) {
+    if (!asked_for_all_) last_change_ = seconds;
+  }
   bool drawsBetterLater() const { return pace_.drawsBetterLater(longestWait()); }
 
   const ShownSurfaces& shown() const { return shown_; }

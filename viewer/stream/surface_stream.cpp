@@ -88,6 +88,7 @@ std::optional<StreamMessage> SurfaceStream::poll() {
   queue_.pop_front();
   queue_bytes_ -= message.chunk.bytes();
   room_.notify_all();
+  if (mayBegin()) work_.notify_all();
   return message;
 }
 
@@ -201,7 +202,7 @@ void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
 void SurfaceStream::run() {
   std::unique_lock lock(mutex_);
   while (true) {
-    work_.wait(lock, [&] { return stopping_ || waiting_; });
+    work_.wait(lock, [&] { return stopping_ || (waiting_ && mayBegin()); });
     if (stopping_) return;
     const Job job = std::move(*waiting_);
     waiting_.reset();

@@ -111,8 +111,8 @@ struct ChunkDelivery {
   // long as the stream.
   std::function<void(SurfaceChunk&)> pack = {};
   // While the queue is full: true: threads of the extraction wait; false: they never do, and the
-  // pass is given up (StreamMessage::no_room). Then the next pass begins when the queue is empty,
-  // for which the stream's own thread waits.
+  // pass is given up (StreamMessage::no_room). Then the next pass, of any request, begins when no
+  // chunk waits in the queue: a slow taker gets the latest request, and none that is old by then.
   bool may_wait = true;
 };
 
@@ -215,6 +215,8 @@ class SurfaceStream {
   Outcome runFirstPass(const Job& job);
   bool begin(const Attempt& attempt);
   void awaitEmptyQueue(const CancelFlag& cancel);
+  // With the lock.
+  bool mayBegin() const { return delivery_.may_wait || queue_bytes_ == 0; }
   Outcome run(const Job& job, const Attempt& attempt);
   const ChunkValues* valuesFor(const StreamValues& wanted);
   Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);

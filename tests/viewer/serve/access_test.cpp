@@ -1,4 +1,4 @@
-// Keys, hosts, origins and targets of requests.
+// Keys, hosts, origins and paths of requests.
 #include "isobrick/viewer/serve/access.h"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <set>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/serve/url_query.h"
+#include "isobrick/viewer/serve/served_volumes.h"
 
 namespace isobrick {
 namespace {
@@ -61,27 +61,7 @@ TEST(Access, OriginsHaveNoPath) {
     EXPECT_THROW(checkedOrigin(wrong), Error) << wrong;
 }
 
-TEST(UrlQuery, WordsAreNumbersWithinBounds) {
-  const UrlQuery words("iso=-1.5e2&focus=1%2C2,3.5&level=2&pair=1,2&name=a%20b");
-  EXPECT_EQ(words.number("iso", -1000, 1000), -150.0);
-  EXPECT_EQ(words.point("focus"), glm::dvec3(1, 2, 3.5));
-  EXPECT_EQ(words.integer("level", 0, 3), 2);
-  EXPECT_EQ((*words.pair("pair"))[1], 2.0);
-  EXPECT_EQ(words.text("name"), "a b");
-  EXPECT_FALSE(words.number("other", 0, 1));
-  EXPECT_THROW(words.number("iso", 0, 1), Error);
-  EXPECT_THROW(words.integer("iso", 0, 1), Error);
-  EXPECT_THROW(words.point("pair"), Error);
-  EXPECT_THROW(words.pair("focus"), Error);
-  EXPECT_EQ(UrlQuery("a=1&b=2").normalized(), UrlQuery("b=2&a=1").normalized());
-  EXPECT_NE(UrlQuery("a=1&b=2").normalized(), UrlQuery("a=12&b=").normalized());
-  for (const char* const wrong : {"a", "=1", "a=1&a=2", "a=%", "a=%4", "a=%zz", "&"})
-    EXPECT_THROW(UrlQuery{wrong}, Error) << wrong;
-  for (const char* const none : {"x=nan", "x=inf", "x=1e999", "x=1,", "x=", "x=1 ", "x=0x1"})
-    EXPECT_THROW(UrlQuery(none).number("x", -1e9, 1e9), Error) << none;
-}
-
-TEST(UrlQuery, PathsOfVolumes) {
+TEST(ServedVolumes, PathsNameAVolume) {
   EXPECT_EQ(volumePathOf("/api/volume/12/slice.png")->volume, 12u);
   EXPECT_EQ(volumePathOf("/api/volume/12/slice.png")->rest, "/slice.png");
   EXPECT_EQ(volumePathOf("/api/volume/0")->rest, "");

@@ -65,7 +65,7 @@ struct JoinedMesh {
 
 class TestLine : public ClientLine {
  public:
-  void sendText(std::string text) override {
+  void sendText(const std::string& text) override {
     const auto json = nlohmann::json::parse(text);
     said.push_back(json);
     for (const auto& range : json.value("show", nlohmann::json::array()))

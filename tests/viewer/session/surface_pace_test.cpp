@@ -24,8 +24,8 @@ TEST(SurfacePaceTest, TheRadiusFindsWhatFitsIntoTheTime) {
     radius = pace.rates().radius;
   }
   EXPECT_NEAR(pace.rates().triangles_per_second, 1e6, 1e4);
-  EXPECT_NEAR(4.0 * radius * radius, SurfacePace::kDragSeconds * 1e6,
-              0.05 * SurfacePace::kDragSeconds * 1e6);
+  EXPECT_NEAR(4.0 * radius * radius, PaceTimes().extraction * 1e6,
+              0.05 * PaceTimes().extraction * 1e6);
 }
 
 TEST(SurfacePaceTest, ASlowRasteriserBoundsTheRadiusToo) {
@@ -38,11 +38,23 @@ TEST(SurfacePaceTest, ASlowRasteriserBoundsTheRadiusToo) {
     pace.noteExtraction(pace.rates().radius, triangles, triangles,
                         static_cast<double>(triangles) / 1e6);
   }
-  EXPECT_NEAR(4.0 * pace.rates().radius * pace.rates().radius, SurfacePace::kDragSeconds * 1e5,
-              0.05 * SurfacePace::kDragSeconds * 1e5);
+  EXPECT_NEAR(4.0 * pace.rates().radius * pace.rates().radius, PaceTimes().extraction * 1e5,
+              0.05 * PaceTimes().extraction * 1e5);
   EXPECT_EQ(afterDrawing(pace, 10, 5.0).drawn_per_second, 1e5);         // too few to say anything
   EXPECT_EQ(afterDrawing(pace, 1'000, 0.01).drawn_per_second, 1e5);     // a small surface, as slow
   EXPECT_EQ(afterDrawing(pace, 100'000, 0.001).drawn_per_second, 0.0);  // a graphics card
+}
+
+// A line that carries half a million triangles a second, and has its own share of the time.
+TEST(SurfacePaceTest, ALineMayTakeLongerThanAnExtraction) {
+  const PaceTimes times{0.06, 0.14, 0.25};
+  SurfacePace pace({16.0, 2e6, 5e5}, times);
+  EXPECT_EQ(pace.mostTriangles(), 105'000u);
+  EXPECT_EQ(SurfacePace({16.0, 1e6, 5e5}, times).mostTriangles(), 90'000u);
+  pace.noteDrawing(60'000, 0.12);
+  EXPECT_EQ(pace.rates().drawn_per_second, 5e5);
+  EXPECT_EQ(SurfacePace({80.0}, times).quickRadius(1000.0, 0.2), 80.0);
+  EXPECT_EQ(SurfacePace({80.0}, times).quickRadius(1000.0, 0.5), 40.0);
 }
 
 TEST(SurfacePaceTest, StepsAreBoundedAndNeverBelowTheLeast) {
@@ -78,8 +90,8 @@ TEST(SurfacePaceTest, AHandThatSeesNothingNewGetsLess) {
 
 TEST(SurfacePaceTest, ASurfaceThatIsKnownToBeLargerGetsASmallerRadiusAtOnce) {
   SurfacePace pace({100.0});
-  const auto triangles = static_cast<std::uint64_t>(SurfacePace::kDragSeconds * 1e6);
-  pace.noteExtraction(100.0, triangles, triangles, SurfacePace::kDragSeconds, 1e5);
+  const auto triangles = static_cast<std::uint64_t>(PaceTimes().extraction * 1e6);
+  pace.noteExtraction(100.0, triangles, triangles, PaceTimes().extraction, 1e5);
   EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 1e5), 100.0, 1e-6);
   EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 16e5), 25.0, 1e-6);
   EXPECT_NEAR(pace.quickRadius(1000.0, 0.0, 1e3), 200.0, 1e-6);  // by no more than that

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <deque>
@@ -114,6 +115,30 @@ TEST_F(SurfaceStreamTest, APassThatHasNoRoomIsGivenUpIfNothingMayWait) {
       if (message->kind == MessageMessageKind::kDropped) stream.request({{pass(1.0)}, false});
       is_done = message->kind == MessageMessageKind::kPassDone;
     }
+}
+
+// So a slow taker is never more than one pass behind.
+TEST_F(SurfaceStreamTest, ATakerThatIsSlowGetsTheLatestRequestNext) {
+  trianglesOf(pass(12.0));  // all bricks are in memory now
+  ChunkDelivery delivery;
+  delivery.may_wait = false;
+  SurfaceStream stream(pyramid_, 2, {}, 60.0, nullptr, SurfaceStream::kQueueBytes, delivery);
+  const std::uint64_t first = stream.request({{pass(12.0)}});
+  auto message = stream.poll();
+  while (!message) message = stream.poll();
+  std::uint64_t last = 0;
+  for (int i = 0; i < 20; ++i) {
+    last = stream.request({{pass(12.0)}});
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  std::vector<std::uint64_t> done;
+  while (stream.busy()) {
+    if (message && message->kind == MessageMessageKind::kPassDone) done.push_back(message->request);
+    message = stream.poll();
+  }
+  if (message && message->kind == MessageMessageKind::kPassDone) done.push_back(message->request);
+  done.erase(std::unique(done.begin(), done.end()), done.end());  // coarser first, perhaps
+  EXPECT_EQ(done, (std::vector<std::uint64_t>{first, last}));
 }
 
 TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {

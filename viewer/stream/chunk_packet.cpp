@@ -1,4 +1,4 @@
-#include "isobrick/viewer/serve/chunk_packet.h"
+#include "isobrick/viewer/stream/chunk_packet.h"
 
 #include <algorithm>
 #include <array>
