@@ -30,9 +30,11 @@ from ._pyramid import (
     open,
 )
 from ._query import Detail, ExtractReport, LevelCounts, MeshQuality, Query, View
+from ._show import BrowserView, show
 from ._version import __version__
 
 __all__ = [
+    "BrowserView",
     "BuildReport",
     "Cancel",
     "Cancelled",
@@ -65,4 +67,5 @@ __all__ = [
     "marching_cubes",
     "merge",
     "open",
+    "show",
 ]

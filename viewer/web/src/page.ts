@@ -155,11 +155,10 @@ export class Page implements Host {
     const theme = matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark';
     this.first = firstView(this.volume, this.aspect, theme);
     this.state = this.view ? bounded(viewFromJson(this.view, this.first), this.volume) : this.first;
-    if (!this.view) this.own_camera = this.state.camera;
+    if (!this.view?.includes('"camera"')) this.own_camera = this.state.camera;
     this.history = new ViewHistory(this.state);
     this.panel = new Panel(this);
     new Gestures(this.scene, this);
-    addEventListener('hashchange', () => location.reload());
     this.requestFrame();
   }
 

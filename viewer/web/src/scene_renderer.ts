@@ -2,21 +2,14 @@
 // into four samples of half floats, then sRGB. Opaque surfaces, caps, then those seen through.
 import * as three from 'three';
 import { depthRangeOf, type Place, type PlacedCamera } from './camera';
+import type { UnpackedChunk } from './chunk_message';
 import * as shaders from './shaders';
 import { dot, inverse, length, mapped, product, subtract, times, transposed } from './vector';
 import type { Box, Mat3, Vec3 } from './vector';
 
 // A chunk as the GPU takes it: position = origin + step * positions, in the lattice of the voxels.
-export interface DrawnChunk {
-  surface: number;
-  level: number;
-  origin: Vec3;
+export interface DrawnChunk extends Omit<UnpackedChunk, 'id'> {
   step: number;
-  lower: Vec3; // of the least box around its positions
-  upper: Vec3;
-  positions: Uint16Array; // 4 a vertex, of which the last is not used
-  normals: Int16Array; // likewise; world, unit = 32767
-  triangles: Uint16Array | Uint32Array;
 }
 
 export interface SceneCap {
@@ -55,14 +48,9 @@ const matrix3 = (m: Mat3): three.Matrix3 => new three.Matrix3().fromArray(m.flat
 
 type Uniforms = Record<string, { value: unknown }>;
 
-function program(
-  vertexShader: string,
-  fragmentShader: string,
-  uniforms: Uniforms,
-  rest: three.ShaderMaterialParameters = {},
-): three.RawShaderMaterial {
-  return new three.RawShaderMaterial({ glslVersion: three.GLSL3, vertexShader, fragmentShader, uniforms, ...rest });
-}
+type Rest = three.ShaderMaterialParameters;
+const program = (vertexShader: string, fragmentShader: string, uniforms: Uniforms, rest: Rest = {}) =>
+  new three.RawShaderMaterial({ glslVersion: three.GLSL3, vertexShader, fragmentShader, uniforms, ...rest });
 
 function fixedMesh(geometry: three.BufferGeometry, material: three.Material): three.Mesh {
   const mesh = new three.Mesh(geometry, material);
@@ -117,14 +105,9 @@ export class SceneRenderer {
   private readonly ground_scene: three.Scene;
   private readonly screen_scene: three.Scene;
   private readonly cap_place = {
-    corner: { value: new three.Vector3() },
-    across: { value: new three.Vector3() },
-    along: { value: new three.Vector3() },
-    cap_of: { value: 0 },
-    values: { value: null as three.Texture | null },
-    has_values: { value: false },
-    least: { value: 0 },
-    window: { value: new three.Vector2() },
+    corner: { value: new three.Vector3() }, across: { value: new three.Vector3() }, along: { value: new three.Vector3() },
+    cap_of: { value: 0 }, least: { value: 0 }, window: { value: new three.Vector2() },
+    values: { value: null as three.Texture | null }, has_values: { value: false },
   };
   private readonly cap: three.RawShaderMaterial;
   private readonly cap_scene: three.Scene;
