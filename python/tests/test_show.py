@@ -153,7 +153,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]]:
     """The folder of a JupyterLab, and its address."""
     folder = tmp_path_factory.mktemp("lab")
     own = {f"JUPYTER_{name}_DIR": str(folder / name) for name in ("RUNTIME", "CONFIG", "DATA")}
-    words = ["--no-browser", "--allow-root", "--port=0", f"--ServerApp.root_dir={folder}", "--IdentityProvider.token="]
+    words = ["--no-browser", "--allow-root", "--port=0", f"--ServerApp.root_dir={folder}", "--IdentityProvider.token=word"]
     with (folder / "log").open("w") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "jupyterlab", *words], env={**os.environ, **own}, stdout=log, stderr=log
@@ -176,7 +176,7 @@ def test_a_surface_in_jupyterlab(lab: tuple[Path, str], head: Path, way: str) ->
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1200, "height": 900})
         page.set_default_timeout(WAIT)
-        page.goto(f"{address}lab/tree/{way}.ipynb")
+        page.goto(f"{address}lab/tree/{way}.ipynb?token=word")
         page.locator(".jp-Notebook .jp-Cell .cm-content").first.click()
         page.keyboard.press("Shift+Enter")
         frame = page.frame_locator("iframe[title=isobrick]")

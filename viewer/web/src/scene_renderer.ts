@@ -71,13 +71,9 @@ function shape(places: number[], triangles: number[]): three.BufferGeometry {
   return geometry;
 }
 
-interface KeptChunk {
+interface KeptChunk extends Pick<DrawnChunk, 'origin' | 'step' | 'surface' | 'level'> {
   mesh: three.Mesh; // its front, and its back if it is opaque
   back: three.Mesh; // drawn if it is seen through
-  origin: Vec3;
-  step: number;
-  surface: number;
-  level: number;
 }
 
 export class SceneRenderer {

@@ -93,19 +93,18 @@ export function fragmentOf({ token, volume, view }: Fragment): string {
 // may keep nothing, it stays in the address. A proxy may have several servers, each at its path.
 const kTokenKey = `isobrick-token ${new URL('.', document.baseURI).pathname}`;
 
-export function keepToken(token: string): boolean {
+function tabStorage(): Storage | undefined {
   try {
-    sessionStorage.setItem(kTokenKey, token);
-    return true;
-  } catch {
-    return false;
-  }
-}
-
-export function keptToken(): string | undefined {
-  try {
-    return sessionStorage.getItem(kTokenKey) ?? undefined;
+    return sessionStorage;
   } catch {
     return undefined;
   }
+}
+
+export const keptToken = (): string | undefined => tabStorage()?.getItem(kTokenKey) ?? undefined;
+
+// Whether it could.
+export function keepToken(token: string): boolean {
+  tabStorage()?.setItem(kTokenKey, token);
+  return tabStorage() !== undefined;
 }
