@@ -142,6 +142,11 @@ export class SceneRenderer {
     this.cap_scene = fixedScene(fixedMesh(square, this.cap));
     const bytes = { ...both, blending: three.NoBlending };
     this.distance = program(shaders.kSurfaceVertexShader, shaders.kDistanceFragmentShader, this.uniforms, bytes);
+    // The driver makes the programs beside, while the first chunks are on their way.
+    const sides = [three.DoubleSide, three.FrontSide, three.BackSide];
+    const first = fixedScene().add(...sides.map((side) => fixedMesh(all, this.materialOf(0, 0, side))));
+    this.gl.setRenderTarget(this.target);
+    for (const scene of [first, this.ground_scene, this.cap_scene]) this.gl.compile(scene, this.camera);
   }
 
   resize(width: number, height: number): void {
