@@ -176,7 +176,7 @@ def test_a_surface_in_jupyterlab(lab: tuple[Path, str], head: Path, way: str) ->
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1200, "height": 900})
         page.set_default_timeout(WAIT)
-        page.goto(f"{address}lab/tree/{way}.ipynb?token=word")
+        page.goto(f"{address}lab/workspaces/{way}/tree/{way}.ipynb?token=word")
         page.locator(".jp-Notebook .jp-Cell .cm-content").first.click()
         page.keyboard.press("Shift+Enter")
         frame = page.frame_locator("iframe[title=isobrick]")

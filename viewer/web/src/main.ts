@@ -16,17 +16,13 @@ function askToken(): Promise<string> {
   });
 }
 
-async function volumesOf(token: string): Promise<VolumeEntry[]> {
-  return ((await (await request('volumes', token)).json()) as { volumes: VolumeEntry[] }).volumes;
-}
-
 async function start(): Promise<void> {
   const fragment = readFragment(location.hash);
   let token = fragment.token ?? keptToken() ?? (await askToken());
   let volumes: VolumeEntry[] | undefined;
   while (volumes === undefined) {
     try {
-      volumes = await volumesOf(token);
+      ({ volumes } = (await (await request('volumes', token)).json()) as { volumes: VolumeEntry[] });
     } catch (error) {
       if (!(error instanceof RequestError) || error.status !== 401) throw error;
       token = await askToken();

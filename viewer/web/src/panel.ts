@@ -36,6 +36,7 @@ export class Panel {
     this.histogram = new Histogram(element('histogram'), choose, (is_held) => host.hold(is_held));
     for (const button of document.querySelectorAll('[data-acts]'))
       button.addEventListener('click', () => host.act(button.id as Action));
+    element('full').hidden = !document.fullscreenEnabled;
     field('isovalue').addEventListener('change', () => choose(field('isovalue').valueAsNumber));
     this.listen('everywhere', (state, { checked }) => ({ ...state, focus: { ...state.focus, everywhere: checked } }));
     this.listen('by-level', (state, { checked }) => ({ ...state, coloring: checked ? 'level' : 'plain' }));

@@ -4,16 +4,14 @@ import { request, type VolumeEntry } from './protocol';
 
 const kPause = 1000; // milliseconds, of a server that draws for others
 
-async function pictureOf(id: number, token: string): Promise<string | undefined> {
-  for (let tries = 0; tries < 5; ++tries) {
-    try {
-      return URL.createObjectURL(await (await request(`volume/${id}/slice.png?size=320`, token)).blob());
-    } catch (error) {
-      if ((error as { status?: number }).status !== 503) return undefined;
-      await new Promise((done) => setTimeout(done, kPause));
-    }
+async function pictureOf(id: number, token: string, tries = 5): Promise<string | undefined> {
+  try {
+    return URL.createObjectURL(await (await request(`volume/${id}/slice.png?size=320`, token)).blob());
+  } catch (error) {
+    if ((error as { status?: number }).status !== 503 || tries === 0) return undefined;
+    await new Promise((done) => setTimeout(done, kPause));
+    return pictureOf(id, token, tries - 1);
   }
-  return undefined;
 }
 
 // `choose` gets the id of the volume that the user opens.
