@@ -416,8 +416,8 @@ def test_no_task_takes_long_while_chunks_arrive(
     browser: Browser, command: Callable[..., str], tmp_path: Path
 ) -> None:
     command("build", "phantom:head:384", "-o", tmp_path / "head.isb")  # the size of a CT
-    with Server(EXECUTABLE, "serve", tmp_path / "head.isb") as server, browser.new_context() as context:
-        page = context.new_page()
+    with Server(EXECUTABLE, "serve", tmp_path / "head.isb") as server, browser.new_page() as page:
+        page.set_viewport_size({"width": 500, "height": 200})  # less to draw
         browser.start_tracing(page=page, categories=["toplevel", "disabled-by-default-devtools.timeline"])
         page.goto(f"{server.address}/#token={server.key}")
         settle(page)
