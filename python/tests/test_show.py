@@ -153,7 +153,8 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, str]]:
     """The folder of a JupyterLab, and its address."""
     folder = tmp_path_factory.mktemp("lab")
     own = {f"JUPYTER_{name}_DIR": str(folder / name) for name in ("RUNTIME", "CONFIG", "DATA")}
-    words = ["--no-browser", "--allow-root", "--port=0", f"--ServerApp.root_dir={folder}", "--IdentityProvider.token=word"]
+    words = ["--no-browser", "--allow-root", "--port=0", "--IdentityProvider.token=word"]
+    words.append(f"--ServerApp.root_dir={folder}")
     with (folder / "log").open("w") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "jupyterlab", *words], env={**os.environ, **own}, stdout=log, stderr=log

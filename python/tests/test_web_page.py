@@ -404,7 +404,8 @@ def seconds_of_tasks(trace: bytes) -> list[float]:
     """Of the processor, for each task of the page's main thread: neither what it waits for, such as a drawing in
     software by another process, nor what other processes take meanwhile."""
     events = json.loads(trace)["traceEvents"]
-    main = {(e["pid"], e["tid"]) for e in events if e["name"] == "thread_name" and e["args"]["name"] == "CrRendererMain"}
+    names = [event for event in events if event["name"] == "thread_name"]
+    main = {(name["pid"], name["tid"]) for name in names if name["args"]["name"] == "CrRendererMain"}
     tasks: dict[tuple[int, int], list[float]] = {thread: [] for thread in main}
     for event in events:
         if event["name"].endswith("RunTask") and (thread := (event["pid"], event["tid"])) in main and "tdur" in event:
