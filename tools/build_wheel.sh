@@ -3,7 +3,8 @@
 # OpenGL for machines without a driver, and the licences of all of it.
 #   tools/build_wheel.sh [OUT_FOLDER]       default: build/wheel
 # The wheel runs where glibc is at least this machine's. `tests/house/wheel_in_bare_root.sh` tries it.
-# ISOBRICK_PREFIX: an installed isobrick to take; otherwise a release is built.
+# ISOBRICK_PREFIX: an installed isobrick to take; otherwise a release is built, with the page of `isobrick serve`, made by
+# npm unless viewer/web/dist has it.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-build/wheel}
@@ -17,6 +18,7 @@ mkdir -p "$work"
 
 if [ -z "${ISOBRICK_PREFIX:-}" ]; then
   tools/install_packages.sh
+  [ -e viewer/web/dist/index.html ] || tools/web_page.sh
   cmake -S . -B "$out/isobrick" -G Ninja -DCMAKE_BUILD_TYPE=Release -DISOBRICK_TESTS=OFF >"$out/configure.log"
   cmake --build "$out/isobrick" --parallel "$(nproc)"
   cmake --install "$out/isobrick" --prefix "$prefix" --strip >"$out/install.log"
@@ -68,4 +70,5 @@ auditwheel -v repair --strip --zip-compression-level 9 -w "$out" "$work"/isobric
 wheel=$(echo "$out"/isobrick-*manylinux*.whl)
 bytes=$(stat -c %s "$wheel")
 echo "$wheel: $((bytes >> 20)) MiB, licences of $(wc -l <"$work/packages") packages"
+tests/house/served_page.sh "$programs/bin/isobrick"
 [ "$bytes" -le 150000000 ] || { echo "the wheel is larger than 150 MB" >&2; exit 1; }

@@ -74,6 +74,7 @@ for step; do
       ;;
     house-tests)
       tools/install_packages.sh build test release
+      timed $step page tools/web_page.sh
       timed $step configure configure "$release"
       timed $step build build "$release"
       timed $step tests tests $step "$release" --label-regex house

@@ -30,9 +30,11 @@ from ._pyramid import (
     open,
 )
 from ._query import Detail, ExtractReport, LevelCounts, MeshQuality, Query, View
+from ._show import BrowserView, show
 from ._version import __version__
 
 __all__ = [
+    "BrowserView",
     "BuildReport",
     "Cancel",
     "Cancelled",
@@ -66,4 +68,5 @@ __all__ = [
     "merge",
     "open",
     "save_together",
+    "show",
 ]

@@ -1,4 +1,4 @@
-"""The command `isobrick`, which lies in the package."""
+"""The command `isobrick`, which lies in the package, or else on PATH."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import ctypes
 import os
 import sys
 from pathlib import Path
+
+from ._errors import Error
 
 PROGRAMS = Path(__file__).parent / "_programs"
 EXECUTABLE = PROGRAMS / "bin" / "isobrick"
@@ -34,8 +36,30 @@ def environment() -> dict[str, str]:
     return result
 
 
+def _is_program(path: Path) -> bool:
+    # Not the script of this package, which would look for the program again.
+    if not os.access(path, os.X_OK) or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(2) != b"#!"
+
+
+def executable() -> Path:
+    """The command. Raises Error if there is none."""
+    folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
+    for path in [EXECUTABLE, *(Path(folder) / "isobrick" for folder in folders)]:
+        if _is_program(path):
+            return path
+    raise Error(
+        "there is no command isobrick beside this Python package nor on PATH; install the wheel of "
+        "tools/build_wheel.sh, or the .deb"
+    )
+
+
 def main() -> None:
     """Becomes the command."""
-    if not EXECUTABLE.exists():
-        sys.exit("isobrick: this installation of the Python package has no command; install the wheel")
-    os.execve(EXECUTABLE, ["isobrick", *sys.argv[1:]], environment())
+    try:
+        program = executable()
+    except Error as error:
+        sys.exit(f"isobrick: {error}")
+    os.execve(program, ["isobrick", *sys.argv[1:]], environment())

@@ -9,6 +9,7 @@ command -v dh >/dev/null || { echo "skipped: debhelper was not found"; exit 0; }
 rm -rf "$work"
 mkdir -p "$work/source" "$work/root"
 cp -r "$source"/{debian,CMakeLists.txt,LICENSE,NOTICE} "$work/source/"
+[ -n "${ISOBRICK_REQUIRE_ALL:-}" ] || [ -e "$source/viewer/web/dist/index.html" ] || export ISOBRICK_WITHOUT_PAGE=1
 (cd "$work/source" && ISOBRICK_BUILT=$build dpkg-buildpackage -b -d -us -uc) >"$work/log" 2>&1 || { tail -40 "$work/log"; exit 1; }
 deb=$(echo "$work"/isobrick_*.deb)
 dpkg-deb --extract "$deb" "$work/root"
@@ -23,4 +24,5 @@ done
 cd "$work"
 root/usr/bin/isobrick build phantom:head:64 -o head.isb
 root/usr/bin/isobrick extract head.isb --iso 1324 -o bone.ply
+"$source/tests/house/served_page.sh" root/usr/bin/isobrick head.isb
 echo "deb: works"

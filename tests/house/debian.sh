@@ -63,7 +63,8 @@ if [ $deb = 1 ]; then
   timed deb-use inRoot "$bare" root sh -c 'cd /tmp && isobrick --version &&
     isobrick phantom head --voxels 64 -o head.nrrd && isobrick build head.nrrd && isobrick info head.isb &&
     isobrick verify head.isb && isobrick extract head.isb --iso 1324 -o bone.ply &&
-    isobrick render head.isb --iso 1324 --size 64x64 -o bone.png && ls -l bone.ply bone.png'
+    isobrick render head.isb --iso 1324 --size 64x64 -o bone.png && ls -l bone.ply bone.png &&
+    { timeout -s INT 3 isobrick serve head.isb 2>said || true; } && cat said && ! grep "no page" said'
   timed deb-remove inRoot "$bare" root sh -c 'apt-get remove -y -qq isobrick && ! command -v isobrick'
 fi
 echo "$suite: works"

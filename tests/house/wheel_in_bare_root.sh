@@ -31,6 +31,8 @@ inTry() { inRoot "$root" root sh -c "cd /tmp/try && $1"; }
 inTry 'python3 "$(echo wheels/pip-*.whl)/pip" install -q --break-system-packages --no-index --find-links wheels \
   --root-user-action ignore --target module isobrick'
 cat >"$root/tmp/try/use.py" <<'PYTHON'
+import urllib.request
+
 import isobrick
 
 print(isobrick.build("dicom", "module.isb", memory="256M"))
@@ -40,6 +42,10 @@ with isobrick.open("module.isb") as pyramid:
     print(mesh)
     assert len(mesh.faces) > 100_000
     mesh.save("module.ply")
+view = isobrick.show("module.isb", browser=False)
+with urllib.request.urlopen(view.url.split("#")[0]) as page:
+    assert b"<title>isobrick" in page.read()
+view.close()
 PYTHON
 inTry 'PYTHONPATH=module python3 use.py'
 cat >"$root/tmp/try/view.json" <<'JSON'

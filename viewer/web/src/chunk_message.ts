@@ -9,7 +9,7 @@ export interface UnpackedChunk {
   origin: Vec3; // steps
   lower: Vec3; // of the least box around its positions
   upper: Vec3;
-  positions: Uint16Array; // 4 a vertex, of which the last is not used
+  positions: Uint16Array; // 4 a vertex: x y z, and further bits of them as the message has them
   normals: Int16Array; // likewise
   triangles: Uint16Array | Uint32Array;
 }
@@ -48,11 +48,11 @@ export async function unpackChunk(message: ArrayBuffer): Promise<UnpackedChunk> 
 }
 
 function boxAround(positions: Uint16Array): { lower: Vec3; upper: Vec3 } {
-  const lower: [number, number, number] = [65535, 65535, 65535];
+  const lower: [number, number, number] = [Infinity, Infinity, Infinity];
   const upper: [number, number, number] = [0, 0, 0];
   for (let i = 0; i < positions.length; i += 4)
     for (let axis = 0; axis < 3; ++axis) {
-      const place = positions[i + axis]!;
+      const place = positions[i + axis]! + 65536 * ((positions[i + 3]! >> (5 * axis)) & 31);
       if (place < lower[axis]!) lower[axis] = place;
       if (place > upper[axis]!) upper[axis] = place;
     }

@@ -1,4 +1,2 @@
-declare module '*.glsl' {
-  const text: string;
-  export default text;
-}
+// esbuild puts these files in as texts.
+declare module '*.glsl' { const text: string; export default text; }

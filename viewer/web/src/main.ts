@@ -2,6 +2,7 @@
 import { element } from './host';
 import { Page } from './page';
 import { request, RequestError, type VolumeEntry } from './protocol';
+import { showVolumes } from './volume_list';
 import { fragmentOf, keepToken, keptToken, readFragment } from './view_link';
 
 // The user's key: the address of the server, or the key in it.
@@ -9,17 +10,10 @@ function askToken(): Promise<string> {
   const dialog = element<HTMLDialogElement>('key');
   const text = element<HTMLInputElement>('key-text');
   dialog.showModal();
-  return new Promise((resolve) => {
-    const close = (): void => {
-      const word = text.value.trim();
-      resolve(readFragment(word.slice(word.indexOf('#'))).token ?? word);
-    };
-    dialog.addEventListener('close', close, { once: true });
+  return new Promise<Event>((resolve) => dialog.addEventListener('close', resolve, { once: true })).then(() => {
+    const word = text.value.trim();
+    return readFragment(word.slice(word.indexOf('#'))).token ?? word;
   });
-}
-
-async function volumesOf(token: string): Promise<VolumeEntry[]> {
-  return ((await (await request('volumes', token)).json()) as { volumes: VolumeEntry[] }).volumes;
 }
 
 async function start(): Promise<void> {
@@ -28,7 +22,7 @@ async function start(): Promise<void> {
   let volumes: VolumeEntry[] | undefined;
   while (volumes === undefined) {
     try {
-      volumes = await volumesOf(token);
+      ({ volumes } = (await (await request('volumes', token)).json()) as { volumes: VolumeEntry[] });
     } catch (error) {
       if (!(error instanceof RequestError) || error.status !== 401) throw error;
       token = await askToken();
@@ -36,17 +30,15 @@ async function start(): Promise<void> {
   }
   const keeps = keepToken(token);
   const kept = keeps ? undefined : token;
-  const id = Number(fragment.volume ?? volumes[0]?.id ?? 0);
-  history.replaceState(null, '', fragmentOf({ ...fragment, token: kept, volume: String(id) }));
-  const list = element<HTMLSelectElement>('volumes');
-  list.hidden = volumes.length < 2;
-  element('name').hidden = !list.hidden;
-  list.replaceChildren(...volumes.map((entry) => new Option(entry.name, String(entry.id), false, entry.id === id)));
-  list.addEventListener('change', () => {
-    history.replaceState(null, '', fragmentOf({ token: kept, volume: list.value, view: undefined }));
-    location.reload();
-  });
-  new Page(id, token, keeps, fragment.view);
+  history.replaceState(null, '', fragmentOf({ ...fragment, token: kept }));
+  addEventListener('hashchange', () => location.reload());
+  const open = (volume: string | undefined): string =>
+    (location.hash = fragmentOf({ token: kept, volume, view: undefined }));
+  element('volumes').hidden = volumes.length < 2;
+  element('volumes').addEventListener('click', () => open(undefined));
+  const named = volumes.length === 1 ? volumes[0] : volumes.find(({ id }) => String(id) === fragment.volume);
+  if (named === undefined) return showVolumes(volumes, token, open);
+  new Page(named.id, token, keeps, fragment.view);
 }
 
 start().catch((error: unknown) => {

@@ -131,7 +131,10 @@ export class Page implements Host {
 
   private receive(message: ServerMessage): void {
     const { type } = message;
-    if (type === 'opening') this.say('status', `${message.phase}: ${Math.round(100 * message.share)} %`);
+    if (type === 'opening') {
+      this.say('status', `${message.phase}: ${Math.round(100 * message.share)} %`);
+      element<HTMLProgressElement>('progress').value = message.share;
+    }
     if (type === 'volume') this.begin(message);
     if (type === 'show') this.surfaces.add({ show: message });
     if (type === 'drop') this.surfaces.add(message);
@@ -147,6 +150,7 @@ export class Page implements Host {
   // Again after a lost connection.
   private begin(facts: VolumeFacts): void {
     this.facts = facts;
+    element('progress').hidden = true;
     if (this.panel) return;
     this.volume = volumeOf(facts);
     document.title = `${facts.name} – isobrick`;
@@ -155,11 +159,10 @@ export class Page implements Host {
     const theme = matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark';
     this.first = firstView(this.volume, this.aspect, theme);
     this.state = this.view ? bounded(viewFromJson(this.view, this.first), this.volume) : this.first;
-    if (!this.view) this.own_camera = this.state.camera;
+    if (!this.view?.includes('"camera"')) this.own_camera = this.state.camera;
     this.history = new ViewHistory(this.state);
     this.panel = new Panel(this);
     new Gestures(this.scene, this);
-    addEventListener('hashchange', () => location.reload());
     this.requestFrame();
   }
 

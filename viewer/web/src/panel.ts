@@ -1,5 +1,6 @@
 // The controls beside the scene (page/index.html): they show the view, and change it. An input with
-// `data-field` in a line of a list is that field of the line's surface or plane.
+// `data-field` in a line of a list is that field of the line's surface or plane; a button with
+// `data-acts` is the action of its id.
 import { turnedRound } from './gestures';
 import { Histogram } from './histogram';
 import { element, type Action, type Host } from './host';
@@ -8,11 +9,6 @@ import type { VolumeFacts } from './protocol';
 import { cornersOf, dot, mapped, type Vec3 } from './vector';
 import { activeSurface, bounded, kMostSurfaces, kSurfaceColors, replaced, withActive, withClipPlane } from './view_state';
 import type { ViewClipPlane, ViewState } from './view_state';
-
-const kActions: readonly Action[] = [
-  'undo', 'redo', 'frame', 'full', 'help', 'hide', 'link',
-  'save-png', 'save-glb', 'save-stl', 'save-view', 'distance', 'angle',
-];
 
 const field = (id: string): HTMLInputElement => element<HTMLInputElement>(id);
 const toHex = (color: Vec3): string =>
@@ -38,7 +34,9 @@ export class Panel {
       if (Number.isFinite(isovalue)) this.change((state) => withActive(state, { isovalue }));
     };
     this.histogram = new Histogram(element('histogram'), choose, (is_held) => host.hold(is_held));
-    for (const action of kActions) element(action).addEventListener('click', () => host.act(action));
+    for (const button of document.querySelectorAll('[data-acts]'))
+      button.addEventListener('click', () => host.act(button.id as Action));
+    element('full').hidden = !document.fullscreenEnabled;
     field('isovalue').addEventListener('change', () => choose(field('isovalue').valueAsNumber));
     this.listen('everywhere', (state, { checked }) => ({ ...state, focus: { ...state.focus, everywhere: checked } }));
     this.listen('by-level', (state, { checked }) => ({ ...state, coloring: checked ? 'level' : 'plain' }));
@@ -70,7 +68,9 @@ export class Panel {
     field('by-level').checked = state.coloring === 'level';
     field('orthographic').checked = state.camera.orthographic;
     field('radius').valueAsNumber = Math.log(state.focus.radius) / Math.log(volume.diagonal());
-    field('radius').setAttribute('aria-valuetext', `${shortNumber(state.focus.radius)} voxels`);
+    const radius = `${shortNumber(state.focus.radius)} voxels`;
+    field('radius').setAttribute('aria-valuetext', radius);
+    element('radius-text').textContent = radius;
     for (const name of ['distance', 'angle']) element(name).setAttribute('aria-pressed', String(tool === name));
     element<HTMLButtonElement>('add-surface').disabled = state.surfaces.length === kMostSurfaces;
 

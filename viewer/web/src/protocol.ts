@@ -7,9 +7,6 @@ export type Range = readonly [number, number]; // chunk numbers, both ends inclu
 export interface VolumeEntry {
   id: number;
   name: string;
-  state: 'closed' | 'opening' | 'open' | 'failed';
-  phase?: string;
-  share?: number;
   error?: string;
 }
 
@@ -34,7 +31,6 @@ export interface Wish {
 
 export interface Show {
   type: 'show';
-  wish: number;
   pass: number;
   show: Range[];
   drop: Range[];

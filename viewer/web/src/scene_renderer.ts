@@ -2,21 +2,14 @@
 // into four samples of half floats, then sRGB. Opaque surfaces, caps, then those seen through.
 import * as three from 'three';
 import { depthRangeOf, type Place, type PlacedCamera } from './camera';
+import type { UnpackedChunk } from './chunk_message';
 import * as shaders from './shaders';
 import { dot, inverse, length, mapped, product, subtract, times, transposed } from './vector';
 import type { Box, Mat3, Vec3 } from './vector';
 
 // A chunk as the GPU takes it: position = origin + step * positions, in the lattice of the voxels.
-export interface DrawnChunk {
-  surface: number;
-  level: number;
-  origin: Vec3;
+export interface DrawnChunk extends Omit<UnpackedChunk, 'id'> {
   step: number;
-  lower: Vec3; // of the least box around its positions
-  upper: Vec3;
-  positions: Uint16Array; // 4 a vertex, of which the last is not used
-  normals: Int16Array; // likewise; world, unit = 32767
-  triangles: Uint16Array | Uint32Array;
 }
 
 export interface SceneCap {
@@ -55,14 +48,9 @@ const matrix3 = (m: Mat3): three.Matrix3 => new three.Matrix3().fromArray(m.flat
 
 type Uniforms = Record<string, { value: unknown }>;
 
-function program(
-  vertexShader: string,
-  fragmentShader: string,
-  uniforms: Uniforms,
-  rest: three.ShaderMaterialParameters = {},
-): three.RawShaderMaterial {
-  return new three.RawShaderMaterial({ glslVersion: three.GLSL3, vertexShader, fragmentShader, uniforms, ...rest });
-}
+type Rest = three.ShaderMaterialParameters;
+const program = (vertexShader: string, fragmentShader: string, uniforms: Uniforms, rest: Rest = {}) =>
+  new three.RawShaderMaterial({ glslVersion: three.GLSL3, vertexShader, fragmentShader, uniforms, ...rest });
 
 function fixedMesh(geometry: three.BufferGeometry, material: three.Material): three.Mesh {
   const mesh = new three.Mesh(geometry, material);
@@ -83,13 +71,9 @@ function shape(places: number[], triangles: number[]): three.BufferGeometry {
   return geometry;
 }
 
-interface KeptChunk {
+interface KeptChunk extends Pick<DrawnChunk, 'origin' | 'step' | 'surface' | 'level'> {
   mesh: three.Mesh; // its front, and its back if it is opaque
   back: three.Mesh; // drawn if it is seen through
-  origin: Vec3;
-  step: number;
-  surface: number;
-  level: number;
 }
 
 export class SceneRenderer {
@@ -117,14 +101,9 @@ export class SceneRenderer {
   private readonly ground_scene: three.Scene;
   private readonly screen_scene: three.Scene;
   private readonly cap_place = {
-    corner: { value: new three.Vector3() },
-    across: { value: new three.Vector3() },
-    along: { value: new three.Vector3() },
-    cap_of: { value: 0 },
-    values: { value: null as three.Texture | null },
-    has_values: { value: false },
-    least: { value: 0 },
-    window: { value: new three.Vector2() },
+    corner: { value: new three.Vector3() }, across: { value: new three.Vector3() }, along: { value: new three.Vector3() },
+    cap_of: { value: 0 }, least: { value: 0 }, window: { value: new three.Vector2() },
+    values: { value: null as three.Texture | null }, has_values: { value: false },
   };
   private readonly cap: three.RawShaderMaterial;
   private readonly cap_scene: three.Scene;
@@ -163,6 +142,11 @@ export class SceneRenderer {
     this.cap_scene = fixedScene(fixedMesh(square, this.cap));
     const bytes = { ...both, blending: three.NoBlending };
     this.distance = program(shaders.kSurfaceVertexShader, shaders.kDistanceFragmentShader, this.uniforms, bytes);
+    // The driver makes the programs beside, while the first chunks are on their way.
+    const sides = [three.DoubleSide, three.FrontSide, three.BackSide];
+    const first = fixedScene().add(...sides.map((side) => fixedMesh(all, this.materialOf(0, 0, side))));
+    this.gl.setRenderTarget(this.target);
+    for (const scene of [first, this.ground_scene, this.cap_scene]) this.gl.compile(scene, this.camera);
   }
 
   resize(width: number, height: number): void {

@@ -85,30 +85,26 @@ export function readFragment(hash: string): Fragment {
 }
 
 export function fragmentOf({ token, volume, view }: Fragment): string {
-  const words: string[] = [];
-  if (token !== undefined) words.push(`token=${encodeURIComponent(token)}`);
-  if (volume !== undefined) words.push(`volume=${encodeURIComponent(volume)}`);
-  if (view !== undefined) words.push(`view=${toBase64Url(view)}`);
-  return '#' + words.join('&');
+  const words = Object.entries({ token, volume, view: view && toBase64Url(view) });
+  return '#' + words.flatMap(([key, word]) => (word === undefined ? [] : `${key}=${encodeURIComponent(word)}`)).join('&');
 }
 
 // The token stays with the tab, so that a reload works and the address is free of it. Where a frame
-// may keep nothing, it stays in the address.
-const kTokenKey = 'isobrick-token';
+// may keep nothing, it stays in the address. A proxy may have several servers, each at its path.
+const kTokenKey = `isobrick-token ${new URL('.', document.baseURI).pathname}`;
 
-export function keepToken(token: string): boolean {
+function tabStorage(): Storage | undefined {
   try {
-    sessionStorage.setItem(kTokenKey, token);
-    return true;
-  } catch {
-    return false;
-  }
-}
-
-export function keptToken(): string | undefined {
-  try {
-    return sessionStorage.getItem(kTokenKey) ?? undefined;
+    return sessionStorage;
   } catch {
     return undefined;
   }
+}
+
+export const keptToken = (): string | undefined => tabStorage()?.getItem(kTokenKey) ?? undefined;
+
+// Whether it could.
+export function keepToken(token: string): boolean {
+  tabStorage()?.setItem(kTokenKey, token);
+  return tabStorage() !== undefined;
 }

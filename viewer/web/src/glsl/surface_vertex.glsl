@@ -3,7 +3,7 @@
 // has the step and the offset.
 precision highp float;
 precision highp int;
-in vec3 position;
+in vec4 position;  // the last: bits above the 16 of each, five an axis
 in vec3 normal;
 uniform mat4 modelMatrix;
 uniform mat4 projectionMatrix;
@@ -14,7 +14,9 @@ out vec3 eye_position;
 out vec3 eye_normal;
 
 void main() {
-  vec3 from_snapped_eye = position * modelMatrix[0][0] + modelMatrix[3].xyz;
+  int high = int(position.w);
+  vec3 place = position.xyz + 65536.0 * vec3(high & 31, (high >> 5) & 31, (high >> 10) & 31);
+  vec3 from_snapped_eye = place * modelMatrix[0][0] + modelMatrix[3].xyz;
   eye_position = lattice_to_eye * from_snapped_eye - lattice_to_eye * eye_rest;
   eye_normal = world_to_eye * normal;
   gl_Position = projectionMatrix * vec4(eye_position, 1.0);
