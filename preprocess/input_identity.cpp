@@ -157,6 +157,10 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
                          {"notes", info.notes}};
   for (const std::string& note : source.notesOfReading()) json["notes"].push_back(note);
   if (!info.properties.empty()) json["properties"] = info.properties;
+  if (const VolumeChannel* const channel = info.namedChannel()) {
+    json["channel"] = {{"number", info.channel.number}, {"name", channel->name}};
+    if (channel->color) json["channel"]["color"] = hexColorText(*channel->color);
+  }
   // A file of a divided pyramid has a part of them.
   if (counts.replaced > 0)
     json["notes"].push_back(
