@@ -25,6 +25,7 @@
 #include "tools/neuroglancer/extract_meshes.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
+#include "tools/output_names.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
