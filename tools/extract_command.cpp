@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -14,6 +13,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote_options.h"
 #include "tools/attribute_options.h"
@@ -28,6 +28,7 @@
 #include "tools/output_names.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
+#include "tools/pvd_list.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
 
@@ -144,20 +145,48 @@ std::vector<ExtractArguments> argumentsOfLabels(const ExtractArguments& argument
   return all;
 }
 
-// One after the other; each is a volume of its own.
-ExtractResults extractAll(std::vector<ExtractArguments> all) {
-  std::optional<ExtractResults> results;
-  for (ExtractArguments& arguments : all) {
-    ExtractResults one = extractOneVolume(arguments);
-    for (ExtractResult& surface : one.surfaces) surface.label = arguments.label;
-    if (!results) {
-      results = std::move(one);
-      continue;
-    }
-    results->open_seconds += one.open_seconds;
-    std::move(one.surfaces.begin(), one.surfaces.end(), std::back_inserter(results->surfaces));
+// The arguments for each FILE, with an output of its own, and for each of the labels of that.
+std::vector<ExtractArguments> argumentsOfFiles(const ExtractArguments& arguments) {
+  const std::vector<std::string>& files = arguments.query.files;
+  const std::vector<std::string> outputs = outputsOfEach(arguments.output, files);
+  std::vector<ExtractArguments> all;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    ExtractArguments one = arguments;
+    one.query = queryOfFile(arguments.query, i);
+    one.output = outputs[i];
+    one.step = i;
+    for (ExtractArguments& of_label : argumentsOfLabels(one)) all.push_back(std::move(of_label));
   }
-  return *results;
+  return all;
+}
+
+// One after the other; each is a volume of its own. Those that need no pyramid come first: for them
+// this program may become another one, which begins anew.
+ExtractResults extractAll(std::vector<ExtractArguments> all) {
+  std::vector<std::optional<ExtractResults>> results(all.size());
+  for (const bool with_pyramid : {false, true})
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (results[i] || needsNoPyramid(all[i]) == with_pyramid) continue;
+      results[i] = extractOneVolume(all[i]);
+      for (ExtractResult& surface : results[i]->surfaces) {
+        surface.label = all[i].label;
+        surface.step = all[i].step;
+        if (all[i].query.files.size() > 1) surface.file = all[i].query.input.path;
+      }
+    }
+  ExtractResults together = std::move(*results.front());
+  for (std::size_t i = 1; i < results.size(); ++i) addResults(std::move(*results[i]), together);
+  return together;
+}
+
+// -o run.pvd: each surface is a .vtp beside it. Returns the name of the list; empty: none is
+// wanted.
+std::string takeCollection(ExtractArguments& arguments) {
+  if (lowerExtension(arguments.output) != kPvdEnding) return {};
+  std::string list = arguments.output;
+  arguments.output.replace(arguments.output.size() - kPvdEnding.size(), kPvdEnding.size(), ".vtp");
+  refuseReplacing({list}, arguments.query.files, arguments.force);
+  return list;
 }
 
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
@@ -175,16 +204,20 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
         throw UsageError(fmt::format(
             "{} does not go with a share of a mesh, {}; leave it out, or write another format",
             option, kMeshShareEnding));
-  if (!arguments.colors.empty() && arguments.colors.size() != arguments.query.isovalues.size())
-    throw UsageError("--color is wanted once for each isovalue of --iso, in their order");
-  refuseTwinIsovalues(arguments.query.isovalues);
-  std::vector<ExtractArguments> all = argumentsOfLabels(arguments);
+  const std::string collection = takeCollection(arguments);
+  std::vector<ExtractArguments> all = argumentsOfFiles(arguments);
+  for (const ExtractArguments& one : all) {
+    if (!one.colors.empty() && one.colors.size() != one.query.isovalues.size())
+      throw UsageError("--color is wanted once for each isovalue of --iso, in their order");
+    refuseTwinIsovalues(one.query.isovalues);
+  }
   if (isPrecomputedName(arguments.output)) {
     if (all.size() > 1)
       throw UsageError(
-          "a .precomputed output is of one volume; give one --label, or another format");
-    refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
-    return runExtractMeshes(arguments.query, arguments.output, arguments.json);
+          "a .precomputed output is of one volume; give one FILE and one --label, or another "
+          "format");
+    refuseForMeshes(command, all.front().query, arguments.output, arguments.force);
+    return runExtractMeshes(all.front().query, arguments.output, arguments.json);
   }
   for (const ExtractArguments& one : all) refuseOutputs(one);
   for (AttributeOptions& attribute : arguments.attributes) {
@@ -192,11 +225,13 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
     if (attribute.isOfPyramid())
       findPyramid(attribute.input, arguments.query.threads, arguments.query.memory_bytes);
   }
+  findMasks(all.front().query);
   for (ExtractArguments& one : all) {
     one.attributes = arguments.attributes;
-    findMasks(one.query);
+    one.query.region = all.front().query.region;
   }
   const ExtractResults results = extractAll(std::move(all));
+  if (!collection.empty()) writePvd(collection, results.surfaces);
   if (arguments.json)
     printJson(jsonOfResults(results));
   else
@@ -242,11 +277,14 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                     const std::vector<CLI::Option*>& of_whole_surface) {
   beginGroup(app, kOutputGroup);
   CLI::Option* const output =
-      app.add_option("-o,--output", arguments.output,
-                     "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; "
-                     ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
-                     "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
-                     "isovalues or labels gets a file: mesh-500.ply")
+      app.add_option(
+             "-o,--output", arguments.output,
+             "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; .pvd: a "
+             ".vtp for each FILE, as steps of time, and their list for ParaView; "
+             ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
+             "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
+             "isovalues or labels gets a file: mesh-500.ply; so does each FILE, mesh-run.ply, "
+             "or where {name} stands")
           ->type_name("MESH");
   addForceFlag(app, arguments.force)->needs(output);
   CLI::Option* const part = addParsedOption(
@@ -288,7 +326,9 @@ Command addExtractCommand(CLI::App& app) {
   sub->footer(R"(
 Example:
   isobrick extract head.isb --iso 500,1324 --focus 128,40,128 --radius 30 -o head.ply
-writes head-500.ply and head-1324.ply. ParaView offers such names as one group.)");
+writes head-500.ply and head-1324.ply. ParaView offers such names as one group.
+  isobrick extract run-*.isb --iso 500 -o run.pvd
+writes a .vtp of each step of time, and run.pvd, with which ParaView plays them.)");
   return {sub, [sub, arguments] { return runExtract(*sub, *arguments); }};
 }
 
