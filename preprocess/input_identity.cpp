@@ -162,6 +162,10 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
     if (options.nan_as) json["level0"]["nan_as"] = *options.nan_as;
     if (options.mask_nan) json["level0"]["mask_nan"] = true;
   }
+  if (const VolumeChannel* const channel = info.namedChannel()) {
+    json["channel"] = {{"number", info.channel.number}, {"name", channel->name}};
+    if (channel->color) json["channel"]["color"] = hexColorText(*channel->color);
+  }
   // A file of a divided pyramid has a part of them.
   if (counts.replaced > 0)
     json["notes"].push_back(

@@ -24,6 +24,22 @@ std::string pointText(const glm::dvec3& v, const char* separator) {
   return numberText(v.x) + separator + numberText(v.y) + separator + numberText(v.z);
 }
 
+std::string hexColorText(std::uint32_t color) {
+  std::string text = "#000000";
+  for (std::size_t digit = 6; digit > 0; --digit, color >>= 4)
+    text[digit] = "0123456789abcdef"[color & 15];
+  return text;
+}
+
+std::optional<std::uint32_t> parseHexColor(std::string text) {
+  if (text.starts_with('#')) text.erase(0, 1);
+  constexpr std::size_t kDigits = 6;
+  std::uint32_t color = 0;
+  const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), color, 16);
+  const bool is_all = fault == std::errc() && end == text.data() + text.size();
+  return is_all && text.size() == kDigits ? std::optional(color) : std::nullopt;
+}
+
 std::string NumberedName::of(std::int64_t number) const {
   const std::string digits = std::to_string(std::abs(number));
   const std::string sign = number < 0 ? "-" : "";

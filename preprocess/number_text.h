@@ -54,6 +54,10 @@ std::string numberText(double number);
 std::string indexText(const Index3& v, const char* separator = ",");
 std::string pointText(const glm::dvec3& v, const char* separator = ",");
 
+// "#0080ff" for 0x0080ff, and the inverse, with or without '#'; nothing for other texts.
+std::string hexColorText(std::uint32_t color);
+std::optional<std::uint32_t> parseHexColor(std::string text);
+
 struct NumberedName {
   std::string before, after;
   std::size_t width = 0;  // at least so many characters

@@ -1,6 +1,7 @@
 // Sources of voxels: the interface between file formats and the pyramid builder.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -14,6 +15,18 @@
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
+
+// Which one of several volumes of an input: of its channels, or of its time steps.
+struct OneOfSeveral {
+  std::int64_t number = 0;  // that is delivered, from 0 on; OpenOptions takes it
+  std::int64_t count = 1;   // in the input; 0: their numbers have gaps
+};
+
+// A channel of an input, as its file describes it.
+struct VolumeChannel {
+  std::string name;                         // empty: it has none
+  std::optional<std::uint32_t> color = {};  // sRGB, 0xRRGGBB
+};
 
 // Describes a source's volume before the first voxel is read.
 struct VolumeInfo {
@@ -34,6 +47,15 @@ struct VolumeInfo {
   std::optional<VoxelType> numbers = {};
   // Of float32, if they are known before any is read: bounds of the voxels that are delivered.
   std::optional<ValueRange> bounds = {};
+  OneOfSeveral channel = {}, time_step = {};
+  // Of the first ones of the input's channels; there may be fewer.
+  std::vector<VolumeChannel> named_channels = {};
+
+  // The description of the channel that is delivered, of several; null if the file has none.
+  const VolumeChannel* namedChannel() const {
+    const auto number = static_cast<std::size_t>(channel.number);
+    return channel.count > 1 && number < named_channels.size() ? &named_channels[number] : nullptr;
+  }
 };
 
 // A volume that is read once, in order, a few rows at a time; or box by box, if readsBoxes().

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <iterator>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -14,6 +13,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote_options.h"
 #include "tools/attribute_options.h"
@@ -25,8 +25,10 @@
 #include "tools/neuroglancer/extract_meshes.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
+#include "tools/output_names.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
+#include "tools/pvd_list.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
 
@@ -146,24 +148,57 @@ std::vector<ExtractArguments> argumentsOfLabels(const ExtractArguments& argument
   return all;
 }
 
-// One after the other; each is a volume of its own.
-ExtractResults extractAll(std::vector<ExtractArguments> all) {
-  std::optional<ExtractResults> results;
-  std::shared_ptr<MeshCollection> collection;
-  for (ExtractArguments& arguments : all) {
-    arguments.collection = collection;
-    ExtractResults one = extractOneVolume(arguments);
-    collection = arguments.collection;
-    for (ExtractResult& surface : one.surfaces) surface.label = arguments.label;
-    if (!results) {
-      results = std::move(one);
-      continue;
-    }
-    results->open_seconds += one.open_seconds;
-    std::move(one.surfaces.begin(), one.surfaces.end(), std::back_inserter(results->surfaces));
+// The arguments for each FILE, with an output of its own, and for each of the labels of that.
+std::vector<ExtractArguments> argumentsOfFiles(const ExtractArguments& arguments) {
+  const std::vector<std::string>& files = arguments.query.files;
+  const std::vector<std::string> outputs = outputsOfEach(arguments.output, files);
+  std::vector<ExtractArguments> all;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    ExtractArguments one = arguments;
+    one.query = queryOfFile(arguments.query, i);
+    one.output = outputs[i];
+    one.step = i;
+    for (ExtractArguments& of_label : argumentsOfLabels(one)) all.push_back(std::move(of_label));
   }
-  if (collection != nullptr && all.front().label) collection->finish();
-  return *results;
+  return all;
+}
+
+// One after the other; each is a volume of its own. Those that need no pyramid come first: for them
+// this program may become another one, which begins anew.
+ExtractResults extractAll(std::vector<ExtractArguments> all) {
+  std::vector<std::optional<ExtractResults>> results(all.size());
+  std::shared_ptr<MeshCollection> collection;  // of the labels of one file
+  for (const bool with_pyramid : {false, true})
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (results[i] || needsNoPyramid(all[i]) == with_pyramid) continue;
+      all[i].collection = std::move(collection);
+      results[i] = extractOneVolume(all[i]);
+      if (all[i].label) {
+        const bool is_last = i + 1 == all.size() || all[i + 1].step != all[i].step;
+        if (!is_last)
+          collection = all[i].collection;
+        else if (all[i].collection != nullptr)
+          all[i].collection->finish();
+      }
+      for (ExtractResult& surface : results[i]->surfaces) {
+        surface.label = all[i].label;
+        surface.step = all[i].step;
+        if (all[i].query.files.size() > 1) surface.file = all[i].query.input.path;
+      }
+    }
+  ExtractResults together = std::move(*results.front());
+  for (std::size_t i = 1; i < results.size(); ++i) addResults(std::move(*results[i]), together);
+  return together;
+}
+
+// -o run.pvd: each surface is a .vtp beside it. Returns the name of the list; empty: none is
+// wanted.
+std::string takeCollection(ExtractArguments& arguments) {
+  if (lowerExtension(arguments.output) != kPvdEnding) return {};
+  std::string list = arguments.output;
+  arguments.output.replace(arguments.output.size() - kPvdEnding.size(), kPvdEnding.size(), ".vtp");
+  refuseReplacing({list}, arguments.query.files, arguments.force);
+  return list;
 }
 
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
@@ -181,17 +216,20 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
         throw UsageError(fmt::format(
             "{} does not go with a share of a mesh, {}; leave it out, or write another format",
             option, kMeshShareEnding));
-  refuseTwinIsovalues(arguments.query.isovalues);
-  std::vector<ExtractArguments> all = argumentsOfLabels(arguments);
-  if (!arguments.colors.empty() &&
-      arguments.colors.size() != all.size() * arguments.query.isovalues.size())
+  const std::string collection = takeCollection(arguments);
+  std::vector<ExtractArguments> all = argumentsOfFiles(arguments);
+  for (const ExtractArguments& one : all) refuseTwinIsovalues(one.query.isovalues);
+  const std::size_t surfaces =
+      all.size() / arguments.query.files.size() * all.front().query.isovalues.size();
+  if (!arguments.colors.empty() && arguments.colors.size() != surfaces)
     throw UsageError("--color is wanted once for each isovalue, or label, in their order");
   if (isPrecomputedName(arguments.output)) {
     if (all.size() > 1)
       throw UsageError(
-          "a .precomputed output is of one volume; give one --label, or another format");
-    refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
-    return runExtractMeshes(arguments.query, arguments.output, arguments.json);
+          "a .precomputed output is of one volume; give one FILE and one --label, or another "
+          "format");
+    refuseForMeshes(command, all.front().query, arguments.output, arguments.force);
+    return runExtractMeshes(all.front().query, arguments.output, arguments.json);
   }
   for (const ExtractArguments& one : all) refuseOutputs(one);
   for (AttributeOptions& attribute : arguments.attributes) {
@@ -199,11 +237,13 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
     if (attribute.isOfPyramid())
       findPyramid(attribute.input, arguments.query.threads, arguments.query.memory_bytes);
   }
+  findMasks(all.front().query);
   for (ExtractArguments& one : all) {
     one.attributes = arguments.attributes;
-    findMasks(one.query);
+    one.query.region = all.front().query.region;
   }
   const ExtractResults results = extractAll(std::move(all));
+  if (!collection.empty()) writePvd(collection, results.surfaces);
   if (arguments.json)
     printJson(jsonOfResults(results));
   else
@@ -249,11 +289,14 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                     const std::vector<CLI::Option*>& of_whole_surface) {
   beginGroup(app, kOutputGroup);
   CLI::Option* const output =
-      app.add_option("-o,--output", arguments.output,
-                     "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; "
-                     ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
-                     "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
-                     "isovalues or labels gets a file: mesh-500.ply")
+      app.add_option(
+             "-o,--output", arguments.output,
+             "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; .pvd: a "
+             ".vtp for each FILE, as steps of time, and their list for ParaView; "
+             ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
+             "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
+             "isovalues or labels gets a file: mesh-500.ply; so does each FILE, mesh-run.ply, "
+             "or where {name} stands")
           ->type_name("MESH");
   addForceFlag(app, arguments.force)->needs(output);
   CLI::Option* const part = addParsedOption(
@@ -298,7 +341,9 @@ Command addExtractCommand(CLI::App& app) {
   sub->footer(R"(
 Example:
   isobrick extract head.isb --iso 500,1324 --focus 128,40,128 --radius 30 -o head.ply
-writes head-500.ply and head-1324.ply. ParaView offers such names as one group.)");
+writes head-500.ply and head-1324.ply. ParaView offers such names as one group.
+  isobrick extract run-*.isb --iso 500 -o run.pvd
+writes a .vtp of each step of time, and run.pvd, with which ParaView plays them.)");
   return {sub, [sub, arguments] { return runExtract(*sub, *arguments); }};
 }
 

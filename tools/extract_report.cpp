@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <string>
 #include <utility>
 
 #include "isobrick/storage/remote_options.h"
 #include "tools/byte_size.h"
+#include "tools/line_words.h"
 
 namespace isobrick {
 
@@ -120,6 +122,7 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
   }
   if (attributes.size() == 1) json["attribute"] = attributes.front();
   if (attributes.size() > 1) json["attributes"] = std::move(attributes);
+  if (!result.file.empty()) json["file"] = withoutSecrets(result.file);
   if (result.quality) json["check"] = jsonOfQuality(*result.quality);
   json["isovalue"] = result.isovalue;
   if (result.label) json["label"] = *result.label;
@@ -198,6 +201,27 @@ void printSummary(const ExtractResult& result, LengthUnit unit) {
 
 }  // namespace
 
+void addResults(ExtractResults one, ExtractResults& all) {
+  std::move(one.surfaces.begin(), one.surfaces.end(), std::back_inserter(all.surfaces));
+  all.open_seconds += one.open_seconds;
+  const auto add = [](auto& sum, const auto& more, auto... counters) {
+    ((sum.*counters += more.*counters), ...);
+  };
+  using Pager = BrickPager::Counters;
+  add(all.pager, one.pager, &Pager::hits, &Pager::misses, &Pager::loads_joined, &Pager::parts_read,
+      &Pager::bytes_read, &Pager::bytes_unpacked, &Pager::parts_released, &Pager::buffers_beside,
+      &Pager::wait_nanoseconds, &Pager::parts_fetched, &Pager::fetched_unused);
+  using Remote = RemoteCounters;
+  const auto addRemote = [&](Remote& sum, const Remote& more) {
+    add(sum, more, &Remote::requests, &Remote::repeated, &Remote::bytes, &Remote::cached_parts,
+        &Remote::cached_bytes);
+  };
+  addRemote(all.opening, one.opening);
+  if (!one.remote) return;
+  if (!all.remote) all.remote.emplace();
+  addRemote(*all.remote, *one.remote);
+}
+
 Json jsonOfResults(const ExtractResults& results) {
   Json json = Json::object();
   if (results.surfaces.size() == 1) {
@@ -223,6 +247,7 @@ void printResults(const ExtractResults& results) {
   double write_seconds = 0;
   for (const ExtractResult& result : results.surfaces) {
     if (result.components) extract_text += fmt::format(" {:.4f} +", result.components_seconds);
+    if (!result.file.empty()) fmt::print("{}: ", oneLine(withoutSecrets(result.file)));
     if (results.surfaces.size() > 1)
       fmt::print("{}: ", result.label ? fmt::format("label {}", *result.label)
                                       : fmt::format("isovalue {}", result.isovalue));

@@ -29,7 +29,9 @@ struct AttributeFacts {
 
 // The extraction of one surface.
 struct ExtractResult {
-  std::string output;  // empty: counted only
+  std::string output;    // empty: counted only
+  std::string file;      // that it is of, if there are several
+  std::size_t step = 0;  // its number among them
   double isovalue = 0;
   std::optional<std::uint64_t> label;  // whose surface it is
   std::optional<SurfaceShift> moved;   // by --denoise, if the volume was smoothed just now
@@ -60,6 +62,9 @@ struct ExtractResults {
   std::optional<RemoteCounters> remote;  // of all since the beginning; of a URL
   RemoteCounters opening;
 };
+
+// Adds the surfaces of another volume, or of another label, to the report.
+void addResults(ExtractResults one, ExtractResults& all);
 
 // For one isovalue its own facts; for several a list of these.
 Json jsonOfResults(const ExtractResults& results);

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/storage/lowercase.h"
@@ -12,11 +11,10 @@
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/output_check.h"
+#include "tools/output_names.h"
 
 namespace isobrick {
 namespace {
-
-namespace fs = std::filesystem;
 
 MeshFileOptions fileOptionsOf(const ExtractArguments& arguments, const Pyramid& pyramid,
                               const SurfaceAttributes& attributes) {
@@ -63,13 +61,6 @@ std::vector<std::string> meshNames(const ExtractArguments& arguments) {
     names.push_back(isovalue ? nameWith(arguments.output, fmt::format("{}", *isovalue))
                              : std::string());
   return names;
-}
-
-std::string nameWith(const std::string& output, const std::string& what) {
-  const fs::path path = output;
-  return (path.parent_path() /
-          fmt::format("{}-{}{}", path.stem().string(), what, path.extension().string()))
-      .string();
 }
 
 void refuseOutputs(const ExtractArguments& arguments) {

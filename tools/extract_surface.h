@@ -27,6 +27,7 @@ namespace isobrick {
 struct ExtractArguments {
   QueryOptions query;
   std::optional<std::uint64_t> label;        // whose surface it is
+  std::size_t step = 0;                      // which of several FILE it is
   std::string output;                        // empty: the mesh is counted only
   std::vector<AttributeOptions> attributes;  // of vertices
   ColoringOptions coloring;
@@ -52,8 +53,6 @@ struct ExtractArguments {
 // behind its stem, "bone-500.ply" and "bone-1200.ply", unless all go together. Empty for one that
 // is not chosen yet.
 std::vector<std::string> meshNames(const ExtractArguments& arguments);
-// "bone-500.ply" for "bone.ply" and 500.
-std::string nameWith(const std::string& output, const std::string& what);
 // Throws Error if a file is in the way: before the work, so that a path that cannot be written
 // costs no time.
 void refuseOutputs(const ExtractArguments& arguments);

@@ -90,6 +90,16 @@ Json jsonOfSuggestions(const IsovalueSuggestions& suggestions) {
   return values;
 }
 
+// "DAPI #0000ff", as far as it has them; the file may be hostile.
+std::string channelText(const Json& channel) {
+  std::string text;
+  for (const char* const key : {"name", "color"})
+    if (channel.is_object() && channel.contains(key) && channel[key].is_string())
+      text +=
+          fmt::format("{}{}", text.empty() ? "" : " ", oneLine(channel[key].get<std::string>()));
+  return text;
+}
+
 // The values that are padding: none, one or two.
 std::vector<double> paddingOf(const IsovalueSuggestions& suggestions) {
   std::vector<double> padding;
@@ -201,7 +211,19 @@ void printInfoText(const Pyramid& pyramid, const std::string& path,
     fmt::print("level {:<4} {} x {} x {} samples, {} bricks\n", level, samples.x, samples.y,
                samples.z, elementCount(pyramid.layout().bricks(level)));
   }
+  if (const Json made = provenanceOf(pyramid); made.is_object() && made.contains("channel"))
+    fmt::print("channel    {}\n", channelText(made["channel"]));
   fmt::print("made from  {}\n", oneLine(pyramid.provenance()));
+}
+
+// The time steps and the channels that --select chooses from.
+void printMembers(const Json& facts) {
+  if (const auto steps = facts["time_steps"].get<std::int64_t>(); steps > 1)
+    fmt::print("time       {} steps; --select time=N takes one, from 0\n",
+               countText(static_cast<std::uint64_t>(steps)));
+  const Json& channels = facts["channels"];
+  for (std::size_t i = 0; i < channels.size() && channels.size() > 1; ++i)
+    fmt::print("channel {:<2} {}\n", i, channelText(channels[i]));
 }
 
 // Of a volume without a pyramid: see tools/build/volume_facts.h.
@@ -225,6 +247,7 @@ void printFactsText(const Json& facts, const std::string& path) {
              numbers(facts["origin"]), unit);
   for (std::size_t axis = 0; axis < 3; ++axis)
     fmt::print("axis {}     {}\n", "xyz"[axis], numbers(facts["direction"][axis]));
+  printMembers(facts);
   fmt::print("bytes      {} of voxels\n", byteSizeText(facts["bytes"]["raw"].get<std::uint64_t>()));
   for (const Json& note : facts["notes"])
     fmt::print("note       {}\n", oneLine(note.get<std::string>()));

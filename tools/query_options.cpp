@@ -57,6 +57,7 @@ void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::st
 
 // Takes "500,1200" or "auto".
 void readIsovalues(QueryOptions& options, const std::string& text, bool several) {
+  const std::size_t before = options.isovalues.size();
   for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
     end = text.find(',', begin);
     const std::string word = text.substr(begin, end - begin);
@@ -66,6 +67,7 @@ void readIsovalues(QueryOptions& options, const std::string& text, bool several)
   if (options.isovalues.size() > 1 && !several)
     throw std::invalid_argument("one isovalue is wanted; 'isobrick extract' takes several");
   options.isovalue = options.isovalues.front().value_or(0);
+  options.isovalues_by_word.push_back(options.isovalues.size() - before);
 }
 
 SimplifyOptions parseSimplify(const std::string& text) {
@@ -79,7 +81,7 @@ SimplifyOptions parseSimplify(const std::string& text) {
 
 void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   options.threads = allCores();
-  addVolumeInput(app, options.input)->required();
+  (several ? addVolumeInputs(app, options.files) : addVolumeInput(app, options.input))->required();
   beginGroup(app, kSurfaceGroup);
   CLI::Option* const isovalue = addRepeatedOption(
       app, "--iso",
@@ -88,7 +90,10 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       "Isovalue; values of at least V are inside (see --inside). 'auto' is the first one that "
       "`isobrick info` "
       "suggests" +
-          std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""));
+          std::string(several
+                          ? ". With several, 500,1200, each is a surface of its own. Of several "
+                            "FILE once for all, or once for each, in their order"
+                          : ""));
   isovalue->required();
   const Choices<std::optional<InsideOf>> sides = {
       {"above", InsideOf::kAbove}, {"below", InsideOf::kBelow}, {"auto", std::nullopt}};
@@ -125,6 +130,23 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   addMemoryOption(app, options.memory_bytes);
   addNoMapFlag(app, options.no_map);
   addThreadsOption(app, options.threads);
+}
+
+QueryOptions queryOfFile(const QueryOptions& all, std::size_t file) {
+  QueryOptions one = all;
+  one.input.path = all.files.at(file);
+  const std::vector<std::size_t>& counts = all.isovalues_by_word;
+  if (all.files.size() == 1 || counts.size() <= 1) return one;
+  if (counts.size() != all.files.size())
+    throw UsageError(
+        fmt::format("--iso is given {} times for {} files; give it once for all, or "
+                    "once for each, in their order",
+                    counts.size(), all.files.size()));
+  auto own = all.isovalues.begin();
+  for (std::size_t i = 0; i < file; ++i) own += static_cast<std::ptrdiff_t>(counts[i]);
+  one.isovalues.assign(own, own + static_cast<std::ptrdiff_t>(counts[file]));
+  one.isovalue = one.isovalues.front().value_or(0);
+  return one;
 }
 
 void addNoMapFlag(CLI::App& app, bool& no_map) {

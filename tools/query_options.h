@@ -19,6 +19,8 @@ namespace isobrick {
 
 struct QueryOptions {
   VolumeInput input;
+  std::vector<std::string> files;                // of commands that take several: see queryOfFile()
+  std::vector<std::size_t> isovalues_by_word;    // how many each --iso gave
   double isovalue = 0;                           // the first one, or the one of makeQuery()
   std::vector<std::optional<double>> isovalues;  // all; nothing: 'auto', until chooseIsovalues()
   std::optional<InsideOf> inside = InsideOf::kAbove;  // none: as the volume says
@@ -34,9 +36,12 @@ struct QueryOptions {
   int threads = 0;
 };
 
-// FILE, --iso and all that narrow the query down. More than one isovalue is refused unless
-// `several`.
+// FILE, --iso and all that narrow the query down. More than one isovalue, and more than one FILE,
+// are refused unless `several`; then FILE is in `files` alone.
 void addQueryOptions(CLI::App& app, QueryOptions& options, bool several = false);
+// The options for one of its files: all isovalues, or, if --iso was given once for each of several
+// files, those of its own. Throws UsageError for another number of them.
+QueryOptions queryOfFile(const QueryOptions& all, std::size_t file);
 
 // --simplify.
 void addSimplifyOption(CLI::App& app, QueryOptions& options);

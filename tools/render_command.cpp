@@ -21,6 +21,7 @@
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
+#include "tools/output_names.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
@@ -41,16 +42,17 @@ struct RenderArguments {
   PictureLooks looks;
   bool by_level = false, by_component = false;
   bool show_focus = false;
+  bool steps = false;  // each FILE is a step of time
   bool force = false;
   // Saved views, in place of most of the above: one, or the stops of the camera's path.
   std::vector<std::string> states;
   int pictures = 1;  // more: a turntable, or along the path
-  double pictures_per_second = 25.0;
+  std::optional<double> pictures_per_second;
 };
 
 std::vector<std::string> inputsOf(const RenderArguments& arguments) {
   std::vector<std::string> inputs = arguments.states;
-  inputs.push_back(arguments.query.input.path);
+  inputs.insert(inputs.end(), arguments.query.files.begin(), arguments.query.files.end());
   return inputs;
 }
 
@@ -71,11 +73,12 @@ bool placeEye(RenderArguments& arguments) {
   return true;
 }
 
-std::shared_ptr<PictureOutput> outputOf(const RenderArguments& arguments) {
+std::shared_ptr<PictureOutput> outputOf(const RenderArguments& arguments,
+                                        const std::string& name) {
   PicturePlan plan;
-  plan.output = arguments.output;
+  plan.output = name;
   plan.pictures = arguments.pictures;
-  plan.pictures_per_second = arguments.pictures_per_second;
+  plan.pictures_per_second = arguments.pictures_per_second.value_or(plan.pictures_per_second);
   plan.pixels_per_inch = arguments.pixels_per_inch.value_or(0.0);
   plan.megapixels = 1e-6 * arguments.size.width * arguments.size.height;
   plan.inputs = inputsOf(arguments);
@@ -89,100 +92,205 @@ std::string sizeText(const RenderArguments& arguments) {
   return arguments.pictures > 1 ? fmt::format("{} pictures of {}", arguments.pictures, size) : size;
 }
 
-// Draws saved views as `isobrick view` shows them.
+std::vector<QueryOptions> queriesOf(const RenderArguments& arguments) {
+  std::vector<QueryOptions> queries;
+  for (std::size_t i = 0; i < arguments.query.files.size(); ++i)
+    queries.push_back(queryOfFile(arguments.query, i));
+  return queries;
+}
+
+// Where pictures go, one after the other: all into one sequence, or each to a file of its own.
+class PictureFiles {
+ public:
+  explicit PictureFiles(const RenderArguments& arguments) {
+    const bool is_sequence = arguments.pictures > 1 || isSequenceName(arguments.output);
+    if (!arguments.steps || is_sequence) {
+      outputs_.push_back(outputOf(arguments, arguments.output));
+      return;
+    }
+    for (const std::string& name : outputsOfEach(arguments.output, arguments.query.files))
+      outputs_.push_back(outputOf(arguments, name));
+  }
+
+  ImageFormat format() const { return outputs_.front()->format(); }
+  // Takes the pictures that a renderer draws from now on, of which `first` came before them.
+  OffscreenRenderer::TakeRows taker(std::size_t first) const {
+    const auto output = outputs_.size() > 1 ? outputs_[first] : outputs_.front();
+    const std::size_t before = outputs_.size() > 1 ? 0 : first;
+    return [output, before](ViewRows rows) {
+      output->add(before + rows.picture, rows.shape, std::move(rows.rows), rows.share);
+    };
+  }
+  void finish() const {
+    for (const auto& output : outputs_) output->finish();
+  }
+  void giveUp() const {
+    for (const auto& output : outputs_) output->giveUp();
+  }
+
+ private:
+  std::vector<std::shared_ptr<PictureOutput>> outputs_;
+};
+
+// Draws saved views as `isobrick view` shows them: one FILE in all of them, or each in one.
 int renderStates(RenderArguments& arguments) {
-  const std::shared_ptr<PictureOutput> output = outputOf(arguments);
-  findPyramid(arguments.query);
+  const PictureFiles output(arguments);
+  std::vector<QueryOptions> volumes = queriesOf(arguments);
+  for (QueryOptions& volume : volumes) findPyramid(volume);
   std::vector<ViewState> views;
   for (const std::string& path : arguments.states) views.push_back(readView(path).state);
-  if (arguments.pictures > 1)
+  if (arguments.pictures > 1 && !arguments.steps)
     views = views.size() == 1 ? turntable(views.front(), arguments.pictures)
                               : viewsAlong(views, arguments.pictures);
   const Stopwatch watch;
   std::uint64_t triangles = 0;
   OffscreenRenderer renderer;
   runWithThreads(arguments.query.threads, [&] {
-    const auto pyramid =
-        openPyramidFile(arguments.query.input.pyramid, arguments.query.memory_bytes,
-                        fileAccess(arguments.query.no_map), remoteOptions(arguments.query.input));
-    const ViewDrawing drawing{arguments.size.width, arguments.size.height, arguments.query.threads,
-                              output->format() == ImageFormat::kExr};
-    renderer.drawViews(pyramid, views, drawing, interruptFlag(), [&](ViewRows rows) {
-      triangles = rows.triangles;
-      output->add(rows.picture, rows.shape, std::move(rows.rows), rows.share);
-    });
+    for (std::size_t i = 0; i < volumes.size(); ++i) {
+      const auto pyramid =
+          openPyramidFile(volumes[i].input.pyramid, arguments.query.memory_bytes,
+                          fileAccess(arguments.query.no_map), remoteOptions(volumes[i].input));
+      const ViewDrawing drawing{arguments.size.width, arguments.size.height,
+                                arguments.query.threads, output.format() == ImageFormat::kExr};
+      renderer.drawViews(pyramid, views, drawing, interruptFlag(),
+                         [&, take = output.taker(i)](ViewRows rows) {
+                           triangles = rows.triangles;
+                           take(std::move(rows));
+                         });
+    }
   });
-  output->finish();
+  output.finish();
   fmt::print("{}: {}, {} triangles; {:.2f} s ({})\n", arguments.output, sizeText(arguments),
              countText(triangles), watch.seconds(), renderer.deviceName());
   return 0;
 }
 
-// One picture, or those of a turntable.
+// Pictures of surfaces that are extracted for them.
+class SurfacePictures {
+ public:
+  SurfacePictures(RenderArguments& arguments, bool has_eye)
+      : arguments_(arguments),
+        has_eye_(has_eye),
+        // A mistyped name, or a machine that cannot draw, must not cost an extraction.
+        output_(std::make_shared<PictureFiles>(arguments)),
+        renderer_(std::make_shared<OffscreenRenderer>()) {}
+
+  // Those of one scene; `number` came before them.
+  void draw(std::vector<QueryOptions> volumes, std::size_t number) {
+    ViewState& view = arguments_.view;
+    const Stopwatch extract_watch;
+    auto surface =
+        std::make_shared<DrawableSurface>(runWithThreads(arguments_.query.threads, [&] {
+          return extractPictureSurface(std::move(volumes), arguments_.looks, view);
+        }));
+    extract_seconds_ += extract_watch.seconds();
+    const Stopwatch draw_watch;
+    triangles_ += surface->triangles;
+    const ViewDrawing drawing{arguments_.size.width, arguments_.size.height};
+    const double aspect = static_cast<double>(drawing.width) / drawing.height;
+    const bool turns = arguments_.pictures > 1 && !arguments_.steps;
+    // Steps of time have one camera, whatever grows and moves in them.
+    if (!has_eye_)
+      view.camera = arguments_.steps ? framed(view.camera, surface->volume.box(), aspect)
+                                     : cameraOf(*surface, view.camera, aspect, turns);
+    has_eye_ = has_eye_ || arguments_.steps;
+    const std::vector<ViewState> views = turntable(view, turns ? arguments_.pictures : 1);
+    try {
+      // OpenGL does not stop before its end.
+      runAbandonable(&interruptFlag(), [renderer = renderer_, output = output_, surface, views,
+                                        drawing, number] {
+        const auto take = output->taker(number);
+        renderer->drawSurface(std::move(*surface), views, drawing, interruptFlag(), take);
+        return true;
+      });
+    } catch (const Cancelled&) {
+      output_->giveUp();
+      throw;
+    }
+    draw_seconds_ += draw_watch.seconds();
+  }
+
+  void finish() {
+    const Stopwatch draw_watch;
+    try {
+      output_->finish();
+    } catch (const Cancelled&) {
+      output_->giveUp();
+      throw;
+    }
+    fmt::print("{}: {}, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n", arguments_.output,
+               sizeText(arguments_), countText(triangles_), extract_seconds_,
+               draw_seconds_ + draw_watch.seconds(), renderer_->deviceName());
+  }
+
+ private:
+  RenderArguments& arguments_;
+  bool has_eye_;
+  const std::shared_ptr<PictureFiles> output_;
+  const std::shared_ptr<OffscreenRenderer> renderer_;
+  std::uint64_t triangles_ = 0;
+  double extract_seconds_ = 0, draw_seconds_ = 0;
+};
+
+// One picture, or those of a turntable, or of steps of time.
 int runRender(RenderArguments arguments) {
-  // A mistyped name, or a machine that cannot draw, must not cost an extraction.
-  const std::shared_ptr<PictureOutput> output = outputOf(arguments);
-  const auto renderer = std::make_shared<OffscreenRenderer>();
-  findMasks(arguments.query);
-  findPyramid(arguments.query);
   const bool has_eye = placeEye(arguments);
+  SurfacePictures pictures(arguments, has_eye);
+  findMasks(arguments.query);
+  std::vector<QueryOptions> volumes = queriesOf(arguments);
+  for (QueryOptions& volume : volumes) findPyramid(volume);
   ViewState& view = arguments.view;
   view.coloring = arguments.by_component ? ViewColoring::kComponent
                   : arguments.by_level   ? ViewColoring::kLevel
                                          : ViewColoring::kPlain;
   view.show_box = false;
   view.focus.show_sphere = arguments.show_focus;
-  const Stopwatch extract_watch;
-  auto surface = std::make_shared<DrawableSurface>(runWithThreads(arguments.query.threads, [&] {
-    return extractPictureSurface(arguments.query, arguments.looks, view);
-  }));
-  const double extract_seconds = extract_watch.seconds();
-
-  const Stopwatch draw_watch;
-  const std::uint64_t triangles = surface->triangles;
-  const ViewDrawing drawing{arguments.size.width, arguments.size.height};
-  const bool turns = arguments.pictures > 1;
-  if (!has_eye)
-    view.camera =
-        cameraOf(*surface, view.camera, static_cast<double>(drawing.width) / drawing.height, turns);
-  const std::vector<ViewState> views = turntable(view, arguments.pictures);
-  try {
-    // OpenGL does not stop before its end.
-    runAbandonable(&interruptFlag(), [renderer, surface, output, views, drawing] {
-      renderer->drawSurface(
-          std::move(*surface), views, drawing, interruptFlag(), [&](ViewRows rows) {
-            output->add(rows.picture, rows.shape, std::move(rows.rows), rows.share);
-          });
-      return true;
-    });
-    output->finish();
-  } catch (const Cancelled&) {
-    output->giveUp();
-    throw;
-  }
-  fmt::print("{}: {}, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n", arguments.output,
-             sizeText(arguments), countText(triangles), extract_seconds, draw_watch.seconds(),
-             renderer->deviceName());
+  if (!arguments.steps)
+    pictures.draw(std::move(volumes), 0);
+  else
+    for (std::size_t i = 0; i < volumes.size(); ++i) pictures.draw({volumes[i]}, i);
+  pictures.finish();
   return 0;
+}
+
+// FILE are steps of time, with one picture each, or volumes of one scene.
+void checkFiles(RenderArguments& arguments) {
+  const std::size_t files = arguments.query.files.size();
+  if (arguments.steps && files < 2)
+    throw UsageError("--steps draws a picture of each of several FILE; give more of them");
+  if (arguments.steps && arguments.states.size() > 1)
+    throw UsageError("--steps has one camera; give one --state");
+  if (!arguments.steps && !arguments.states.empty() && files > 1)
+    throw UsageError("--state is the view of one FILE; with --steps, of each");
+  if (arguments.steps && isSequenceName(arguments.output))
+    arguments.pictures = static_cast<int>(files);
 }
 
 void checkArguments(RenderArguments& arguments, bool has_isovalue) {
   const std::size_t states = arguments.states.size();
   if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --label, or --state");
-  const std::size_t surfaces = arguments.query.isovalues.size();
+  std::size_t surfaces = 0;
+  for (const QueryOptions& volume : queriesOf(arguments)) {
+    surfaces = (arguments.steps ? 0 : surfaces) + volume.isovalues.size();
+    if (arguments.steps && surfaces != arguments.query.isovalues.size())
+      throw UsageError("--iso holds for all steps; give it once");
+  }
   const auto refuseCount = [&](std::size_t count, const char* option) {
     if (count != 0 && count != surfaces)
       throw UsageError(
-          fmt::format("{} is wanted once for each isovalue of --iso, in their order", option));
+          fmt::format("{} is wanted once for each isovalue of each FILE, in their order", option));
   };
   refuseCount(arguments.looks.colors.size(), "--color");
   refuseCount(arguments.looks.opacities.size(), "--opacity");
+  checkFiles(arguments);
   if (states > 1 && arguments.pictures == 1)
     throw UsageError("several --state are the stops of a path; say how many --pictures it has");
   if (arguments.pictures == 1 && isSequenceName(arguments.output))
     throw UsageError(
         fmt::format("'{}' is a name of many pictures; say how many --pictures", arguments.output));
-  if (arguments.pictures > 1 && arguments.query.choice.look_at)
+  if (arguments.pictures == 1 && arguments.pictures_per_second)
+    throw UsageError("--pictures-per-second goes with --pictures, or with a movie of --steps");
+  if (arguments.pictures > 1 && !arguments.steps && arguments.query.choice.look_at)
     throw UsageError("--pictures turns the picture around; leave out --look-at");
   if (arguments.print_size.in_millimetres && !arguments.pixels_per_inch)
     arguments.pixels_per_inch = 300.0;
@@ -214,8 +322,7 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
   addParsedOption(app, "--pictures", arguments.pictures, integerWithin(2, 100000), "N",
                   "So many pictures: all around the surface, or along the path of several --state");
   addParsedOption(app, "--pictures-per-second", arguments.pictures_per_second, numberFrom(0.1), "N",
-                  "Of a movie; default: 25")
-      ->needs(findOption(app, "--pictures"));
+                  "Of a movie; default: 25");
   addParsedOption(app, "--azimuth", view.camera.azimuth, parseNumber, "DEGREES",
                   "Walk around the surface, to the right; 0 looks along +y; default: 25");
   addParsedOption(app, "--elevation", view.camera.elevation, parseNumber, "DEGREES",
@@ -278,8 +385,12 @@ Command addRenderCommand(CLI::App& app) {
                   "--pictures folder/%04d.png, or a movie, .mp4")
       ->type_name("IMAGE")
       ->required();
+  sub->add_flag("--steps", arguments->steps,
+                "Each FILE is a step of time: a picture of each, where {name} stands in the output, "
+                "or folder/%04d.png or a movie of all; without it they are volumes of one scene");
   addForceFlag(*sub, arguments->force);
   addPictureOptions(*sub, *arguments);
+  findOption(*sub, "--steps")->excludes(findOption(*sub, "--pictures"));
   CLI::Option* const state =
       sub->add_option(
              "--state", arguments->states,
@@ -290,12 +401,14 @@ Command addRenderCommand(CLI::App& app) {
   findOption(*sub, "--iso")->required(false);
   for (CLI::Option* const option : optionsBeside(
            *sub, {"FILE", "--output", "--size", "--dpi", "--pictures", "--pictures-per-second",
-                  "--memory", "--help", "--threads", "--state", "--force", "--no-map"}))
+                  "--memory", "--help", "--threads", "--state", "--steps", "--force", "--no-map"}))
     state->excludes(option);
   sub->footer(R"(
 Example:
   isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png
-  isobrick render head.isb --iso 530,1160 --opacity 0.3 --opacity 1 -o skull.png)");
+  isobrick render head.isb --iso 530,1160 --opacity 0.3 --opacity 1 -o skull.png
+  isobrick render ct.isb pet.isb --iso 300 --iso 4 -o both.png    in one world
+  isobrick render run-*.isb --steps --iso 500 -o run.mp4)");
   return {sub, [arguments, state] {
             checkArguments(*arguments, !arguments->query.isovalues.empty());
             if (state->count() > 0) return renderStates(*arguments);

@@ -100,8 +100,9 @@ CLI::Option* addSelectOption(CLI::App& app, Select select) {
   return addRepeatedOption(
       app, "--select", select, "KEY=VALUE",
       "Which volume of several in the input; KEY is array or grid (the array, grid, stack or layer "
-      "of this name), series (number or UID), time, channel, image (from 0), or component (from "
-      "0, or magnitude, the root of the sum of all squares); may be given again");
+      "of this name), series (number or UID), time, channel, image (from 0; 'isobrick build' takes "
+      "time=all and channel=all), or component (from 0, or magnitude, the root of the sum of all "
+      "squares); may be given again");
 }
 
 inline constexpr char kMaskNanHelp[] =

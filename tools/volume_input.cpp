@@ -36,6 +36,11 @@ constexpr std::string_view kOwnName = "isobrick: ";
 // Larger volumes have pyramids in the cache only if its folder is named: the home folder is small.
 constexpr std::uint64_t kMostBytesUnasked = 8'000'000'000;
 
+constexpr char kFileHelp[] =
+    "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as 'isobrick build' reads "
+    "it, a DICOM folder, OME-Zarr behind such a URL, or phantom:NAME:SIZE, of which a pyramid is "
+    "built into the cache if one is needed";
+
 // An option of `isobrick build` about a volume, which checks the value.
 struct VolumeWord {
   const char *option, *type, *description;
@@ -144,12 +149,11 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
 }  // namespace
 
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
-  return app
-      .add_option(
-          "FILE", input.path,
-          "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
-          "'isobrick build' reads it, a DICOM folder, OME-Zarr behind such a URL, "
-          "or phantom:NAME:SIZE, of which a pyramid is built into the cache if one is needed")
+  return app.add_option("FILE", input.path, kFileHelp)->type_name("PATH");
+}
+
+CLI::Option* addVolumeInputs(CLI::App& app, std::vector<std::string>& paths) {
+  return app.add_option("FILE", paths, std::string(kFileHelp) + "; several, one after the other")
       ->type_name("PATH");
 }
 

@@ -53,8 +53,9 @@ inline bool masksNan(const VolumeInput& input) {
          input.selections.end();
 }
 
-// FILE.
+// FILE, and the same of several.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
+CLI::Option* addVolumeInputs(CLI::App& app, std::vector<std::string>& paths);
 // Options for reading it if it is a volume, and those that make another volume of it.
 void addVolumeOptions(CLI::App& app, VolumeInput& input);
 

@@ -20,6 +20,7 @@
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"
+#include "isobrick/extract/sinks/xml_text.h"
 #include "isobrick/extract/sinks/zip_writer.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -111,21 +112,6 @@ class ThreeMfObjectSink : public NumberedMesh {
   ThreeMfObject& object_;
   std::unique_ptr<MeshCollection> file_;
 };
-
-std::string xmlText(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    if (c == '&')
-      escaped += "&amp;";
-    else if (c == '<')
-      escaped += "&lt;";
-    else if (c == '"')
-      escaped += "&quot;";
-    else
-      escaped += c;
-  }
-  return escaped;
-}
 
 // "#FF8000"
 std::string colorText(const glm::vec3& color) {

@@ -78,7 +78,7 @@ void chooseStack(const std::string& path, const std::string& name, std::vector<D
 void chooseOneOf(const std::string& path, const char* what, Remedy remedy,
                  std::vector<std::int64_t> DicomPlace::*member, bool may_differ,
                  std::optional<std::int64_t> choice, std::vector<DicomPlace>& places,
-                 VolumeInfo& info) {
+                 VolumeInfo& info, OneOfSeveral VolumeInfo::*taken) {
   std::map<std::vector<std::int64_t>, std::size_t> counts;
   if (may_differ)
     for (const DicomPlace& place : places) ++counts[place.*member];
@@ -91,6 +91,7 @@ void chooseOneOf(const std::string& path, const char* what, Remedy remedy,
     throw unusable(path, "it holds ", count, " volumes, of ", what, " 0 to ", count - 1, remedy);
   const std::vector<std::int64_t> key = std::next(counts.begin(), *choice)->first;
   std::erase_if(places, [&](const DicomPlace& place) { return place.*member != key; });
+  info.*taken = {*choice, static_cast<std::int64_t>(count)};
   takeNoteOfChoice(concat(what, " ", *choice), info);
 }
 
@@ -137,9 +138,10 @@ void chooseDicomVolume(const DicomStackWords& words,
   chooseStack(words.path, options.grid, places, info);
   chooseOneOf(words.path, "time", Remedy::kChooseTime, &DicomPlace::time,
               times_differ || areSomeAtOnePosition(places, normal(places.front())), options.time,
-              places, info);
+              places, info, &VolumeInfo::time_step);
   chooseOneOf(words.path, "channel", Remedy::kChooseVariant, &DicomPlace::channel,
-              areSomeAtOnePosition(places, normal(places.front())), options.channel, places, info);
+              areSomeAtOnePosition(places, normal(places.front())), options.channel, places, info,
+              &VolumeInfo::channel);
 }
 
 bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& places,

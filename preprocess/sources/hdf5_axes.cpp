@@ -127,22 +127,22 @@ class AxisFinder {
     if (further.size() == 2) {
       const bool are_turned =
           roles_[further[0]] == Role::kChannel || roles_[further[1]] == Role::kTime;
-      fix(further[are_turned ? 1 : 0], "time", time_, Remedy::kChooseTime);
-      fix(further[are_turned ? 0 : 1], "channel", channel_, Remedy::kChooseVariant);
+      axes_.time_step = fix(further[are_turned ? 1 : 0], "time", time_, Remedy::kChooseTime);
+      axes_.channel = fix(further[are_turned ? 0 : 1], "channel", channel_, Remedy::kChooseVariant);
     } else if (further.size() == 1) {
       // One number is enough to tell which, whatever the axis is called.
       const bool is_time = roles_[further[0]] == Role::kTime;
-      auto& own = is_time ? time_ : channel_;
-      auto& other = is_time ? channel_ : time_;
-      if (!own) std::swap(own, other);
-      fix(further[0], is_time ? "time" : "channel", own,
-          is_time ? Remedy::kChooseTime : Remedy::kChooseVariant);
+      const bool takes_time = is_time ? time_ || !channel_ : time_ && !channel_;
+      (takes_time ? axes_.time_step : axes_.channel) =
+          fix(further[0], is_time ? "time" : "channel", takes_time ? time_ : channel_,
+              is_time ? Remedy::kChooseTime : Remedy::kChooseVariant);
     }
     refuseUnused("time", time_, Role::kTime);
     refuseUnused("channel", channel_, Role::kChannel);
   }
 
-  void fix(std::size_t axis, const char* kind, std::optional<std::int64_t>& wanted, Remedy remedy) {
+  OneOfSeveral fix(std::size_t axis, const char* kind, std::optional<std::int64_t>& wanted,
+                   Remedy remedy) {
     const std::string kinds = concat("'", name_, "' has the ", kind, "s 0 to ", dims_[axis] - 1);
     if (!wanted) throw Error(kinds + "; one is a volume", place(), {remedy});
     if (*wanted < 0 || static_cast<hsize_t>(*wanted) >= dims_[axis])
@@ -150,7 +150,9 @@ class AxisFinder {
     axes_.fixed[axis] = static_cast<hsize_t>(*wanted);
     axes_.encoding +=
         (axes_.encoding.empty() ? "" : ", ") + std::string(kind) + " " + std::to_string(*wanted);
+    const OneOfSeveral taken{*wanted, static_cast<std::int64_t>(dims_[axis])};
     wanted.reset();
+    return taken;
   }
 
   // An axis of one element has the index 0, and so has one that is not there.

@@ -19,6 +19,7 @@ struct Hdf5Axes {
   std::array<std::size_t, 3> of_space{};  // which axis of the dataset x, y and z are
   std::vector<hsize_t> fixed;             // the index along each of the others, 0 for those
   std::string encoding;                   // of the choice
+  OneOfSeveral time_step, channel;        // that were chosen
   std::vector<double> resolutions;        // of all axes, as Vigra's tags state them, or none
 };
 

@@ -12,6 +12,7 @@
 #include <memory>
 #include <new>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -281,6 +282,12 @@ std::optional<std::int64_t> numberBehind(const std::string& text, const std::str
   return numberIn<std::int64_t>(text.substr(word.size()));
 }
 
+OneOfSeveral oneOf(const NumberedLinks& links, std::int64_t number) {
+  const std::int64_t count = std::ssize(links);
+  const bool has_gaps = links.begin()->first != 0 || links.rbegin()->first != count - 1;
+  return {number, has_gaps ? 0 : count};
+}
+
 void noteChoice(Hdf5Choice& choice, const OpenOptions& options) {
   choice.took_time = options.time.has_value();
   choice.took_channel = options.channel.has_value();
@@ -347,12 +354,14 @@ Hdf5Choice chooseOfBdv(hid_t file, const std::string& name, const std::string& n
         return bdvLevel(file, named, parts[1], *time, *setup, *level, xml);
     return {.dataset = named};
   }
-  const auto time =
-      pick(name, "time", numberedLinks(file, "/", "t"), options.time, Remedy::kChooseTime);
-  const auto setup = pick(name, "setup", numberedLinks(file, "/" + time.second, "s"),
-                          options.channel, Remedy::kChooseVariant);
+  const NumberedLinks times = numberedLinks(file, "/", "t");
+  const auto time = pick(name, "time", times, options.time, Remedy::kChooseTime);
+  const NumberedLinks setups = numberedLinks(file, "/" + time.second, "s");
+  const auto setup = pick(name, "setup", setups, options.channel, Remedy::kChooseVariant);
   Hdf5Choice choice = bdvLevel(file, "/" + time.second + "/" + setup.second + "/0/cells",
                                setup.second, time.first, setup.first, 0, xml);
+  choice.time_step = oneOf(times, time.first);
+  choice.channel = oneOf(setups, setup.first);
   noteChoice(choice, options);
   return choice;
 }
@@ -403,17 +412,42 @@ void placeImaris(hid_t file, const std::string& name, Hdf5Choice& choice) {
   choice.unit = Hdf5Attribute(image.id(), "Unit").text();
 }
 
+// Colours are three shares, "1.0 0.5 0.0".
+std::vector<VolumeChannel> channelsOfImaris(hid_t file, std::int64_t count) {
+  std::vector<VolumeChannel> channels;
+  for (std::int64_t number = 0; number < count; ++number) {
+    const std::string group = concat("/DataSetInfo/", kChannel, number);
+    const Hdf5Handle info(H5Gopen2(file, group.c_str(), H5P_DEFAULT), H5Gclose);
+    if (!info.isValid()) break;
+    VolumeChannel& channel = channels.emplace_back();
+    channel.name = Hdf5Attribute(info.id(), "Name").text();
+    std::istringstream shares(Hdf5Attribute(info.id(), "Color").text());
+    std::array<double, 3> share{};
+    if (shares >> share[0] >> share[1] >> share[2]) {
+      std::uint32_t color = 0;
+      for (const double one : share)
+        color =
+            color << 8 | static_cast<std::uint32_t>(std::lround(255 * std::clamp(one, 0.0, 1.0)));
+      channel.color = color;
+    }
+  }
+  return channels;
+}
+
 Hdf5Choice chooseOfImaris(hid_t file, const std::string& name, const std::string& named,
                           const OpenOptions& options) {
   Hdf5Choice choice;
   choice.dataset = named;
   if (named.empty()) {
     const std::string level = std::string("/DataSet/") + kLevel + "0";
-    const auto time = pick(name, "time", numberedLinks(file, level, kTimePoint), options.time,
-                           Remedy::kChooseTime);
+    const NumberedLinks times = numberedLinks(file, level, kTimePoint);
+    const auto time = pick(name, "time", times, options.time, Remedy::kChooseTime);
     const std::string point = level + "/" + time.second;
-    const auto channel = pick(name, "channel", numberedLinks(file, point, kChannel),
-                              options.channel, Remedy::kChooseVariant);
+    const NumberedLinks channels = numberedLinks(file, point, kChannel);
+    const auto channel = pick(name, "channel", channels, options.channel, Remedy::kChooseVariant);
+    choice.time_step = oneOf(times, time.first);
+    choice.channel = oneOf(channels, channel.first);
+    choice.named_channels = channelsOfImaris(file, choice.channel.count);
     choice.dataset = point + "/" + channel.second + "/Data";
     noteChoice(choice, options);
   }

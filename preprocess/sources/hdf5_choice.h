@@ -36,6 +36,8 @@ struct Hdf5Choice {
   // What options.time and options.channel chose among datasets; then they are no index of an axis.
   bool took_time = false, took_channel = false;
   std::string encoding = {};  // of what they chose
+  OneOfSeveral time_step = {}, channel = {};
+  std::vector<VolumeChannel> named_channels = {};
   // Of BigDataViewer and Imaris, whose axes are z, y, x:
   bool is_zyx = false;
   bool holds_uint16 = false;                  // in numbers of the type int16

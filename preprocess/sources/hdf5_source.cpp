@@ -175,6 +175,9 @@ class Hdf5Source final : public VolumeSource {
     checkVoxelCounts(path_, info_.voxels);
     info_.encoding = choice_.encoding + (choice_.encoding.empty() ? "" : ", ") + axes_.encoding;
     if (axes_.encoding.empty()) info_.encoding = choice_.encoding;
+    info_.time_step = choice_.took_time ? choice_.time_step : axes_.time_step;
+    info_.channel = choice_.took_channel ? choice_.channel : axes_.channel;
+    info_.named_channels = choice_.named_channels;
   }
 
   // The rest of the dataset fills its chunks.

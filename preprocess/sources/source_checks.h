@@ -18,8 +18,8 @@ std::string quotedText(const std::string& text, std::size_t most_characters);
 // The first of some names so, for a message: "'a', 'b', ...".
 std::string quotedList(const std::vector<std::string>& names);
 
-// The number that a choice of a `kind` ("channel") takes out of `count`, the first without a
-// choice; `info` says so if there are several. Throws Error if there are fewer.
+// The number that a choice of a `kind`, "channel" or "time step", takes out of `count`, the first
+// without a choice; `info` says so if there are several. Throws Error if there are fewer.
 std::int64_t takeOne(const std::string& path, const std::string& kind,
                      std::optional<std::int64_t> wanted, std::int64_t count, VolumeInfo& info);
 

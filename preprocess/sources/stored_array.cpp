@@ -270,8 +270,10 @@ class ArrayChooser {
     for (std::size_t i = 0; i < array_.axes.size(); ++i) {
       const StoredAxis& axis = array_.axes[i];
       if (axis.size == 1) continue;
-      if (axis.use == Use::kTime)
+      if (axis.use == Use::kTime) {
         choice_.indices[i] = stepOf(axis.size, "time step", options.time, 0);
+        info_.time_step = {static_cast<std::int64_t>(choice_.indices[i]), axis.size};
+      }
       if (axis.use == Use::kImages)
         choice_.indices[i] = stepOf(axis.size, "image", options.image, std::nullopt);
       if (axis.use == Use::kValues || axis.use == Use::kUnnamed) takeValues(i);
@@ -281,8 +283,10 @@ class ArrayChooser {
     // An axis that is not there has the index 0.
     if (choice_.values == 1 && options.channel.value_or(1) == 0) options.channel.reset();
     // What one program calls a component is a channel for another.
-    if (!options.component && options.channel)
+    if (!options.component && options.channel) {
       options.component = ComponentChoice{.index = *options.channel};
+      info_.channel = {*options.channel, static_cast<std::int64_t>(choice_.values)};
+    }
     if (!options.component && is_unnamed_ && unnamed_time_)
       options.component = ComponentChoice{.index = *unnamed_time_};
     checkComponentChoice(info_.source, choice_.values, options);

@@ -45,6 +45,7 @@ struct OmeImage {
   std::array<std::string, 3> spacing, units;   // along X, Y and Z; empty: not stated
   bool has_mixed_axis = false;                 // Z, C or T holds another axis, too
   std::vector<OmeRun> runs;
+  std::vector<VolumeChannel> channels;
 };
 
 struct OmeDocument {
@@ -121,9 +122,15 @@ class OmeReader {
     if (document_.images.empty()) return;
     OmeImage& image = document_.images.back();
     if (name == "Pixels") takePixels(attributes, image);
-    if (name == "Channel")
+    if (name == "Channel") {
       image.samples =
           std::max<std::int64_t>(image.samples, attributes.number("SamplesPerPixel").value_or(1));
+      VolumeChannel& channel = image.channels.emplace_back();
+      channel.name = attributes.text("Name");
+      // Red, green, blue and opacity, as a signed number of 32 bits.
+      if (const auto color = numberIn<std::int64_t>(attributes.text("Color")))
+        channel.color = static_cast<std::uint32_t>(*color >> 8 & 0xFFFFFF);
+    }
     if (name == "TiffData") {
       OmeRun& run = image.runs.emplace_back();
       run.ifd = attributes.number("IFD");
@@ -374,6 +381,7 @@ class ImageFinder {
     TiffImage image;
     image.name = said.name;
     image.lengths = omeLengths(said);
+    image.named_channels = said.channels;
     image.has_channels = true;
     // Without a list of planes, or with sizes that are missing, the pages are what they are.
     // Some do not say that channels are the numbers of a pixel.

@@ -32,6 +32,7 @@ struct TiffImage {
   std::string unread;            // why it cannot be read; empty: it can
   std::string lacks;             // a file with some planes that is not there
   TiffLengths lengths;
+  std::vector<VolumeChannel> named_channels = {};
 };
 
 struct TiffImages {

@@ -274,6 +274,7 @@ std::unique_ptr<VolumeSource> openTiffImage(VolumeInfo info, const std::string& 
   const TiffImage& image = chooseImage(path, found.images, options, info);
   std::vector<TiffPage> slices = choosePlanes(path, image, options, info);
   chooseComponent(path, image, slices.front().form, options, info);
+  info.named_channels = image.named_channels;
   return openSlices(std::move(info), found.paths, std::move(slices), image.lengths, options);
 }
 

@@ -356,6 +356,7 @@ class ZarrOpener {
     for (int axis = 0; axis < 3; ++axis) info.voxels[axis] = array.shape()[axes[axis]];
     checkVoxelCounts(path_, info.voxels);
     const Indices fixed = fixOthers(array, axes, info);
+    info.named_channels = std::move(channels_);
     place(info, axes);
     info.voxel_type = array.stored().delivered();
     tidyGeometry(path_, info.geometry, info.voxels, info.notes);
@@ -432,6 +433,7 @@ class ZarrOpener {
     for (const char* name : {"/zarr.json", "/.zattrs"})
       if (zip_ == nullptr && storeFileIsThere(folder + name)) group_files_.push_back(folder + name);
     own_ = member(attributes, "isobrick");
+    channels_ = namedChannelsOf(attributes);
   }
 
   // Axes by name, in the order of the array: those of the image, or of the array itself. Before
@@ -517,6 +519,7 @@ class ZarrOpener {
       if (fixed[i] < 0 || fixed[i] >= count)
         throw fileError(path_, "'", path_, "' has the ", kind, "s 0 to ", count - 1, ", and not ",
                         fixed[i], "; choose one of these");
+      if (count > 1) (is_time ? info.time_step : info.channel) = {fixed[i], count};
       if (wanted || count > 1)
         info.encoding +=
             (info.encoding.empty() ? "" : "; ") + kind + " " + std::to_string(fixed[i]);
@@ -584,6 +587,7 @@ class ZarrOpener {
   bool is_chosen_ = false, is_coarser_ = false;
   std::vector<std::string> group_files_, names_, units_, notes_;
   std::vector<bool> is_space_;
+  std::vector<VolumeChannel> channels_;
 };
 
 }  // namespace

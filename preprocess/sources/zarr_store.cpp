@@ -407,6 +407,16 @@ Json multiscalesOf(const Json& attributes) {
   return list.is_array() && !list.empty() ? list : Json();
 }
 
+std::vector<VolumeChannel> namedChannelsOf(const Json& attributes) {
+  std::vector<VolumeChannel> channels;
+  const Json& list = member(omeMember(attributes, "omero"), "channels");
+  if (!list.is_array()) return channels;
+  for (const Json& channel : list)
+    channels.push_back(
+        {textOf(member(channel, "label")), parseHexColor(textOf(member(channel, "color")))});
+  return channels;
+}
+
 bool leadsDown(const std::string& name) {
   if (name.empty() || name.front() == '/' || name.size() > 1000) return false;
   for (const unsigned char c : name)

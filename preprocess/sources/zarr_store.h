@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -95,6 +96,9 @@ nlohmann::json zarrAttributes(const std::string& folder);
 
 // The images of a group's attributes, in either place; null if there are none.
 nlohmann::json multiscalesOf(const nlohmann::json& attributes);
+
+// What a group's attributes say of the channels of its image, in the order of its axis.
+std::vector<VolumeChannel> namedChannelsOf(const nlohmann::json& attributes);
 
 // A name that leads down from its folder, and nowhere else.
 bool leadsDown(const std::string& name);

@@ -23,10 +23,12 @@
 #include "tools/build/build_divided.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"
+#include "tools/build/member_jobs.h"
 #include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/output_check.h"
+#include "tools/output_names.h"
 #include "tools/parse_text.h"
 #include "tools/shared_options.h"
 
@@ -82,10 +84,10 @@ std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
     BuildJob job;
     job.input = arguments.input;
     job.input.path = input;
-    job.output = arguments.output;
+    job.output = withPlaceFilled(arguments.output, "name", inputStem(defaultOutputName(input)));
     if (job.output.empty())
       job.output = (fs::path(arguments.out_dir) / defaultOutputName(input)).string();
-    jobs.push_back(std::move(job));
+    for (BuildJob& one : jobsOfMembers(job, arguments.settings)) jobs.push_back(std::move(one));
   }
   return jobs;
 }
@@ -96,27 +98,53 @@ void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jo
   const BuildOptions& options = arguments.settings.options;
   if (options.tile_cells > options.brick_cells)
     throw UsageError("--tile is larger than --brick; a brick is made of tiles");
-  if (!arguments.output.empty() && jobs.size() > 1)
-    throw UsageError(
-        fmt::format("--output names one pyramid, and there are {} inputs; give the "
-                    "folder for all with --out-dir",
-                    jobs.size()));
-  std::map<std::string, std::string> input_of;
+  std::map<std::string, const InputOptions*> input_of;
   for (const BuildJob& job : jobs) {
     const std::string& input = job.input.path;
-    const auto [other, is_new] = input_of.emplace(job.output, input);
-    if (!is_new && other->second == input)
+    const auto [place, is_new] = input_of.emplace(job.output, &job.input);
+    const InputOptions& other = *place->second;
+    if (!is_new && other.path == input && other.channel == job.input.channel &&
+        other.time == job.input.time)
       throw UsageError(fmt::format("the input '{}' is given twice", input));
     if (!is_new)
       throw UsageError(
           fmt::format("'{}' and '{}' would both become '{}'; build one of them alone, "
                       "under another name with -o",
-                      other->second, input, job.output));
+                      other.path, input, job.output));
     try {
       refuseKnownMisfits(job.input);
     } catch (const Error&) {
     }
   }
+}
+
+// One name for several outputs has a place for what tells them apart. Of a fault here no input is
+// opened.
+void checkNames(const BuildArguments& arguments) {
+  const bool has_all = arguments.input.all_times || arguments.input.all_channels;
+  if (has_all && !arguments.settings.cache_folder.empty())
+    throw UsageError(
+        "--select channel=all and time=all are for 'isobrick build', which makes a pyramid of "
+        "each; name those, or choose one");
+  if (has_all && arguments.isDivided())
+    throw UsageError(
+        "--select channel=all and time=all are for pyramids of one file; write "
+        "OUT.isb, or choose one");
+  if (arguments.output.empty()) return;
+  if (const std::string place = missingPlace(arguments.input, arguments.output); !place.empty())
+    throw UsageError(
+        fmt::format("--output names one pyramid, and --select {0}=all makes one of "
+                    "each; write {{{0}}} in it, as in scan-{{{0}}}.isb",
+                    place));
+  if (const std::string place = idlePlace(arguments.input, arguments.output); !place.empty())
+    throw UsageError(
+        fmt::format("{{{0}}} in --output goes with --select {0}=all; give that, too", place));
+  const std::size_t inputs = expandInputs(arguments.inputs).size();
+  if (inputs > 1 && !hasPlace(arguments.output, "name"))
+    throw UsageError(
+        fmt::format("--output names one pyramid, and there are {} inputs; give the "
+                    "folder for all with --out-dir, or write {{name}} in it",
+                    inputs));
 }
 
 // The output is one file, or a folder of many.
@@ -142,6 +170,7 @@ int runBuild(BuildArguments arguments) {
   if (arguments.isDivided())
     arguments.settings.options.super_cells =
         arguments.super_cells != 0 ? arguments.super_cells : kDefaultSuperCells;
+  checkNames(arguments);
   const std::vector<BuildJob> jobs = makeJobs(arguments);
   checkUsage(arguments, jobs);
   const OutputFolder folder(arguments.out_dir);
@@ -149,7 +178,8 @@ int runBuild(BuildArguments arguments) {
   if (arguments.isDivided())
     return runBuildDivided(jobs.front(), settings, arguments.part, arguments.json);
   // The output must not depend on how many files a pattern happens to match.
-  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()))
+  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()) ||
+      arguments.input.all_times || arguments.input.all_channels)
     return runBuildBatch(jobs, settings, arguments.json);
   const BuiltVolume built = buildOne(jobs.front(), settings);
   if (arguments.json)
@@ -178,7 +208,10 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   CLI::Option* const output = addParsedOption(
       sub, "-o,--output", arguments.output, notEmpty, "OUT.isb",
       "Output; of a single input; default: the input's name with .isb in the current "
-      "folder. OUT.isbs is a folder of many files, one for each super-brick, and an index");
+      "folder. OUT.isbs is a folder of many files, one for each super-brick, and an index. "
+      "{channel}, {time} and {name} are filled for --select channel=all or time=all, and of "
+      "several "
+      "inputs");
   addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
                   "Folder for the pyramids, made if it is missing; default: the current folder")
       ->excludes(output);
@@ -283,6 +316,7 @@ status is 1 then.
 
 Example:
   isobrick build 'scans/*.nrrd' --out-dir pyramids
+  isobrick build run.ome.zarr --select channel=all --select time=all -o 'run-{channel}-{time}.isb'
 A scan of many machines, each with its part, and then the index (copies of an input need its times, too):
   isobrick build scan.ome.zarr -o scan.isbs --part 3/8
   isobrick build scan.isbs --join)");

@@ -44,6 +44,12 @@ double parseSigma(const std::string& text) {
   return sigma;
 }
 
+// A number, or "all".
+void takeOneOrAll(const std::string& value, std::optional<std::int64_t>& number, bool& all) {
+  all = value == "all";
+  number = all ? std::nullopt : std::optional(parseCount(value));
+}
+
 // The keys of --select.
 struct SelectKey {
   std::string_view key;
@@ -53,8 +59,10 @@ constexpr SelectKey kSelectKeys[] = {
     {"array", [](InputOptions& o, const std::string& value) { o.grid = value; }},
     {"grid", [](InputOptions& o, const std::string& value) { o.grid = value; }},
     {"series", [](InputOptions& o, const std::string& value) { o.series = value; }},
-    {"time", [](InputOptions& o, const std::string& value) { o.time = parseCount(value); }},
-    {"channel", [](InputOptions& o, const std::string& value) { o.channel = parseCount(value); }},
+    {"time",
+     [](InputOptions& o, const std::string& value) { takeOneOrAll(value, o.time, o.all_times); }},
+    {"channel", [](InputOptions& o,
+                   const std::string& value) { takeOneOrAll(value, o.channel, o.all_channels); }},
     {"image", [](InputOptions& o, const std::string& value) { o.image = parseCount(value); }},
     {"component",
      [](InputOptions& o, const std::string& value) { o.component = parseComponent(value); }},
@@ -124,6 +132,11 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
 }
 
 OpenOptions openOptionsOf(const InputOptions& input) {
+  if (input.all_times || input.all_channels)
+    throw UsageError(
+        fmt::format("--select {0}=all makes a pyramid of each, and goes with 'isobrick build'; "
+                    "choose one, --select {0}=N",
+                    input.all_channels ? "channel" : "time"));
   OpenOptions options;
   options.dicom_float32 = input.dicom_float32;
   options.pyramid_level = input.pyramid_level;

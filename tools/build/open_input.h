@@ -20,6 +20,7 @@ struct InputOptions {
   bool dicom_float32 = false;
   std::string grid;
   std::optional<std::int64_t> time, channel, image;
+  bool all_times = false, all_channels = false;  // each of them; see jobsOfMembers()
   std::optional<ComponentChoice> component;
   std::string series;
   std::optional<glm::dvec3> spacing, origin;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
@@ -13,6 +14,7 @@ namespace {
 // A source that is read in order unpacks what is passed over, too.
 constexpr std::uint64_t kMostBytesInOrder = std::uint64_t{1} << 30;
 constexpr std::int64_t kPlaces = 32;
+constexpr std::int64_t kMostChannels = 4096;  // hostile files count what they like
 constexpr std::uint64_t kBytesAtAPlace = std::uint64_t{1} << 20;
 
 struct VoxelSample {
@@ -72,6 +74,15 @@ Json factsOfVolume(VolumeSource& source, const BuildOptions& options) {
   json["length_unit"] = lengthUnitName(geometry.unit);
   json["direction"] = {jsonOf(geometry.direction[0]), jsonOf(geometry.direction[1]),
                        jsonOf(geometry.direction[2])};
+  json["time_steps"] = info.time_step.count;
+  json["channels"] = Json::array();
+  for (std::int64_t number = 0; number < std::min(info.channel.count, kMostChannels); ++number) {
+    Json& channel = json["channels"].emplace_back(Json{{"name", ""}, {"color", nullptr}});
+    if (number >= std::ssize(info.named_channels)) continue;
+    const VolumeChannel& named = info.named_channels[static_cast<std::size_t>(number)];
+    channel["name"] = named.name;
+    if (named.color) channel["color"] = hexColorText(*named.color);
+  }
   json["value_range"] = nullptr;
   const auto valueOf = [&](double stored) {
     return info.values.offset + info.values.scale * stored;

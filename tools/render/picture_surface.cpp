@@ -4,13 +4,18 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
+#include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "isobrick/extract/color_map.h"
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
+#include "isobrick/viewer/stream/moved_chunk.h"
 #include "tools/interrupt.h"
 #include "tools/measured_sink.h"
 #include "tools/progress_bar.h"
@@ -43,12 +48,16 @@ void extractWithComponents(const Pyramid& pyramid, const Query& query,
   }
 }
 
+// Chunks become those of the lattice of result.volume.
 void extractForPicture(const Pyramid& pyramid, const Query& query, int number,
                        const std::optional<std::uint64_t>& keep_largest, bool by_component,
                        ProgressBar& bar, DrawableSurface& result) {
+  const SceneLattice own = latticeOf(pyramid.spec().geometry);
+  const SceneLattice scene = latticeOf(result.volume.geometry);
   std::mutex mutex;
   const std::size_t first = result.chunks.size();
   ChunkSink sink({number}, {nullptr, by_component}, [&](std::size_t place, SurfaceChunk&& chunk) {
+    if (own != scene) moveChunk(chunk, own, scene);
     const std::lock_guard lock(mutex);
     result.chunks.resize(std::max(result.chunks.size(), first + place + 1));
     result.chunks[first + place] = std::move(chunk);
@@ -65,39 +74,68 @@ Look lookOf(const std::vector<Look>& given, std::size_t number, const Otherwise&
   return given.empty() ? otherwise(number) : given.at(number);
 }
 
+struct PictureVolume {
+  QueryOptions options;
+  std::shared_ptr<const Pyramid> pyramid;
+};
+
+std::vector<PictureVolume> openAll(std::vector<QueryOptions> volumes) {
+  std::uint64_t pyramids = 0;
+  for (const QueryOptions& options : volumes) pyramids += 1 + options.region.masks.size();
+  std::vector<PictureVolume> opened;
+  for (QueryOptions& options : volumes) {
+    const std::uint64_t memory_bytes = options.memory_bytes / pyramids;
+    openMasks(options, memory_bytes);
+    auto pyramid = openPyramidFile(options.input.pyramid, memory_bytes, fileAccess(options.no_map),
+                                   remoteOptions(options.input));
+    chooseIsovalues(options, *pyramid);
+    refuseTwinIsovalues(options.isovalues);
+    opened.push_back({std::move(options), std::move(pyramid)});
+  }
+  return opened;
+}
+
+// That of the channel of the input that the pyramid was made of.
+std::optional<glm::vec3> channelColorOf(const Pyramid& pyramid) {
+  const nlohmann::json made = parseShallowJson(pyramid.provenance());
+  const auto color = parseHexColor(isobrick::textOf(member(member(made, "channel"), "color")));
+  if (!color) return std::nullopt;
+  return glm::vec3(*color >> 16 & 255, *color >> 8 & 255, *color & 255) / 255.0f;
+}
+
 }  // namespace
 
-DrawableSurface extractPictureSurface(QueryOptions options, const PictureLooks& looks,
+DrawableSurface extractPictureSurface(std::vector<QueryOptions> volumes, const PictureLooks& looks,
                                       ViewState& view) {
-  const std::uint64_t memory_bytes = options.memory_bytes / (1 + options.region.masks.size());
-  openMasks(options, memory_bytes);
-  const auto file = openPyramidFile(options.input.pyramid, memory_bytes, fileAccess(options.no_map),
-                                    remoteOptions(options.input));
-  const Pyramid& pyramid = *file;
-  chooseIsovalues(options, pyramid);
-  refuseTwinIsovalues(options.isovalues);
+  std::vector<PictureVolume> opened = openAll(std::move(volumes));
   DrawableSurface result;
-  result.volume.voxels = pyramid.spec().voxels;
-  result.volume.geometry = pyramid.spec().geometry;
-  view.surfaces.assign(options.isovalues.size(), ViewSurface());
+  result.volume.voxels = opened.front().pyramid->spec().voxels;
+  result.volume.geometry = opened.front().pyramid->spec().geometry;
+  view.surfaces.clear();
   ProgressBar bar(0, "million triangles");
-  for (std::size_t i = 0; i < view.surfaces.size(); ++i) {
-    options.isovalue = *options.isovalues[i];
-    const Query query = makeQuery(options, pyramid);
-    ViewSurface& surface = view.surfaces[i];
-    surface.isovalue = query.isovalue;
-    surface.inside = query.inside;
-    surface.color = lookOf(looks.colors, i, [&](std::size_t number) {
-      return number == 0 ? surface.color : componentColor(number);
-    });
-    surface.opacity = lookOf(looks.opacities, i, [](std::size_t) { return 1.0; });
-    if (query.focus) {
-      view.focus.center = query.focus->center;
-      view.focus.radius = query.focus->radius;
+  for (PictureVolume& volume : opened) {
+    QueryOptions& options = volume.options;
+    const Pyramid& pyramid = *volume.pyramid;
+    for (const std::optional<double>& isovalue : options.isovalues) {
+      options.isovalue = *isovalue;
+      const Query query = makeQuery(options, pyramid);
+      const std::size_t number = view.surfaces.size();
+      ViewSurface& surface = view.surfaces.emplace_back();
+      surface.isovalue = query.isovalue;
+      surface.inside = query.inside;
+      surface.color = lookOf(looks.colors, number, [&](std::size_t i) {
+        const auto otherwise = i == 0 ? surface.color : componentColor(i);
+        return channelColorOf(pyramid).value_or(otherwise);
+      });
+      surface.opacity = lookOf(looks.opacities, number, [](std::size_t) { return 1.0; });
+      if (query.focus && number == 0) {
+        view.focus.center = query.focus->center;
+        view.focus.radius = query.focus->radius;
+      }
+      extractForPicture(pyramid, query, static_cast<int>(number), looks.keep_largest,
+                        view.coloring == ViewColoring::kComponent, bar, result);
+      warnOfEmptySurface(options, pyramid);
     }
-    extractForPicture(pyramid, query, static_cast<int>(i), looks.keep_largest,
-                      view.coloring == ViewColoring::kComponent, bar, result);
-    warnOfEmptySurface(options, pyramid);
   }
   return result;
 }

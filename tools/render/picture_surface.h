@@ -18,10 +18,11 @@ struct PictureLooks {
   std::optional<std::uint64_t> keep_largest;
 };
 
-// `view` gets the surfaces, with their isovalues and looks, and the sphere of interest. If it
-// colours by components, vertices have the colours of their pieces; for that, and for the largest
-// pieces, a surface is extracted twice.
-DrawableSurface extractPictureSurface(QueryOptions options, const PictureLooks& looks,
+// The surfaces of each of `volumes` (queryOfFile()), which share the memory, in one world; the
+// lattice is that of the first one. `view` gets all of them, with their isovalues and looks, and
+// the first one's sphere of interest. If it colours by components, vertices have the colours of
+// their pieces; for that, and for the largest pieces, a surface is extracted twice.
+DrawableSurface extractPictureSurface(std::vector<QueryOptions> volumes, const PictureLooks& looks,
                                       ViewState& view);
 
 // From the direction of `camera`, as near as all of the surface is in the picture; if the camera
