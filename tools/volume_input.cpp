@@ -147,7 +147,7 @@ CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
   return app
       .add_option(
           "FILE", input.path,
-          "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
+          "Pyramid (.isb), also behind http://, https://, s3:// or gs://; or a volume as "
           "'isobrick build' reads it, a DICOM folder, OME-Zarr behind such a URL, "
           "or phantom:NAME:SIZE, of which a pyramid is built into the cache if one is needed")
       ->type_name("PATH");

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -26,6 +27,7 @@
 #include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
+#include "tools/extract_surface.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/shared_options.h"
@@ -85,7 +87,12 @@ std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
     job.output = arguments.output;
     if (job.output.empty())
       job.output = (fs::path(arguments.out_dir) / defaultOutputName(input)).string();
-    jobs.push_back(std::move(job));
+    const std::vector<InputOptions> grids = inputsOfGrids(job.input);
+    for (const InputOptions& grid : grids) {
+      jobs.push_back(job);
+      jobs.back().input = grid;
+      if (grids.size() > 1) jobs.back().output = nameWith(job.output, grid.grids.front());
+    }
   }
   return jobs;
 }
@@ -96,7 +103,11 @@ void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jo
   const BuildOptions& options = arguments.settings.options;
   if (options.tile_cells > options.brick_cells)
     throw UsageError("--tile is larger than --brick; a brick is made of tiles");
-  if (!arguments.output.empty() && jobs.size() > 1)
+  const auto isOther = [&](const BuildJob& job) { return job.input.path != jobs[0].input.path; };
+  if (jobs.size() > 1 && !arguments.settings.cache_folder.empty())
+    throw UsageError("several grids are several pyramids; choose one with --select grid=NAME");
+  if (!arguments.output.empty() && jobs.size() > 1 &&
+      (arguments.isDivided() || std::any_of(jobs.begin(), jobs.end(), isOther)))
     throw UsageError(
         fmt::format("--output names one pyramid, and there are {} inputs; give the "
                     "folder for all with --out-dir",
@@ -149,7 +160,7 @@ int runBuild(BuildArguments arguments) {
   if (arguments.isDivided())
     return runBuildDivided(jobs.front(), settings, arguments.part, arguments.json);
   // The output must not depend on how many files a pattern happens to match.
-  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()))
+  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()) || jobs.size() > 1)
     return runBuildBatch(jobs, settings, arguments.json);
   const BuiltVolume built = buildOne(jobs.front(), settings);
   if (arguments.json)
