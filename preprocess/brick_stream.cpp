@@ -227,6 +227,7 @@ class BrickStream::TypedRun final : public Run {
       const auto now = static_cast<std::size_t>(i) % plan.buffers;
       const auto before = (now + plan.buffers - 1) % plan.buffers;
       const IndexBox box = boxOf(plan.windows.window(i));
+      if (i + 1 < plan.windows.count()) source_->announce(boxOf(plan.windows.window(i + 1)));
       fillWindow(box, boxes[before], buffers_[before].data(), buffers_[now].data());
       boxes[now] = box;
     };

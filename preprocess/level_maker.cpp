@@ -127,6 +127,8 @@ void LevelMaker<T>::makeLevel(int level, LevelInput<T>* input, const LevelStore*
       windows.count(),
       [&](std::int64_t i, BrickWindow& window) {
         window.bricks = windows.window(i);
+        if (input != nullptr && i + 1 < windows.count() && hasToBeRead(0, windows.window(i + 1)))
+          input->announce(region_.samples(0, windows.window(i + 1)));
         readWindow(level, input, store, window);
       },
       [&](const BrickWindow& window, BrickBatch& batch) {

@@ -213,6 +213,9 @@ class Build : LevelInput<T> {
   void releaseBefore(std::int64_t slice) override {
     if (spool_ != nullptr) spool_->releaseBefore(slice);
   }
+  void announce(const IndexBox& box) override {
+    if (spool_ == nullptr) source_.announce(box);
+  }
   void read(const IndexBox& slices, std::byte* to) override {
     if (spool_ != nullptr)
       spool_->read(slices, to);

@@ -79,6 +79,9 @@ class VolumeSource {
   // Writes the voxels of `box`, x fastest, box.count.x * y * z of them, into `out`. Any box, in any
   // order, by any number of threads at once. Only if readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
+  // Says that this box will be read soon, after those that were said before. A source that is far
+  // away begins to bring it in, as far as it has room; the others do nothing. Thread-safe.
+  virtual void announce(const IndexBox& box) const;
 
   // If no pyramid holds the input's numbers: reads them all once, and chooses what is delivered
   // (VolumeInfo: voxel_type, values, range; a note says what changes); float32 without it. Before

@@ -21,7 +21,7 @@ std::string withoutSlashes(std::string path) {
 
 // A URL without its query, and the query.
 std::pair<std::string, std::string> splitQuery(const std::string& path) {
-  const bool has_query = isRemotePath(path) && !lowercase(path.substr(0, 5)).starts_with("s3://");
+  const bool has_query = isRemotePath(path) && !isBucketPath(path);
   const std::size_t end = has_query ? path.find_first_of("?#") : std::string::npos;
   return {path.substr(0, end), end == std::string::npos ? "" : path.substr(end)};
 }
@@ -57,8 +57,11 @@ bool isRemoteVolume(const std::string& path) {
   const std::string place = lowercase(splitQuery(path).first);
   const std::string ending = lowerExtension(withoutSlashes(place));
   if (ending == ".isb" || ending == kDividedEnding) return false;
-  return place.ends_with('/') || place.ends_with(".zarr") ||
-         place.find(".zarr/") != std::string::npos;
+  const auto leadsThrough = [&](const char* name) {
+    return (place + "/").find(name) != place.npos;
+  };
+  return place.ends_with('/') || leadsThrough(".zarr/") || leadsThrough(".ozx/") ||
+         leadsThrough(".zip/");
 }
 
 bool isPyramidFile(const std::string& path) {

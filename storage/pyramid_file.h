@@ -10,7 +10,8 @@ namespace isobrick {
 bool beginsAsPyramid(const std::string& path);
 
 // True for a URL that names an OME-Zarr store, or a group or array in it, by the look of it: a name
-// in its path ends in .zarr, or it ends with a slash; and no name of a pyramid comes last.
+// in its path ends in .zarr, .ozx or .zip, or it ends with a slash; and no name of a pyramid comes
+// last.
 bool isRemoteVolume(const std::string& path);
 
 // True for a regular file that begins as a pyramid, or has its ending (.isb), for a folder that is

@@ -37,8 +37,10 @@ struct RemoteCounters {
   std::uint64_t cached_bytes = 0;  // of these
 };
 
-// True for what is read as a URL: http://, https:// and s3://, in small or capital letters.
+// True for what is read as a URL: http://, https://, s3:// and gs://, in small or capital letters.
 bool isRemotePath(std::string_view path);
+// True for s3:// and gs://, behind which a bucket and a key stand: a '?' belongs to the key.
+bool isBucketPath(std::string_view path);
 // A URL without its secrets: user and password, and the query, in which signatures stand.
 std::string withoutSecrets(const std::string& url);
 

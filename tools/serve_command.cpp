@@ -133,10 +133,11 @@ Command addServeCommand(CLI::App& app) {
   ServeOptions& options = arguments->options;
   options.memory_bytes = kDefaultMemoryBytes;
   options.threads = allCores();
-  sub->add_option("FILE", arguments->paths,
-                  "Pyramids (.isb), also behind http://, https:// or s3://; volumes as 'isobrick "
-                  "build' reads them, of which pyramids are built into the cache when they are "
-                  "asked for; folders of these")
+  sub->add_option(
+         "FILE", arguments->paths,
+         "Pyramids (.isb), also behind http://, https://, s3:// or gs://; volumes as 'isobrick "
+         "build' reads them, of which pyramids are built into the cache when they are "
+         "asked for; folders of these")
       ->type_name("PATH")
       ->required();
   addCacheFolderOption(*sub, arguments->cache_folder);

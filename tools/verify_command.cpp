@@ -67,7 +67,8 @@ Command addVerifyCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand(
       "verify", "Check every brick and table of a pyramid and name what is damaged");
   const auto arguments = std::make_shared<VerifyArguments>();
-  sub->add_option("FILE", arguments->path, "Pyramid (.isb), also behind http://, https:// or s3://")
+  sub->add_option("FILE", arguments->path,
+                  "Pyramid (.isb), also behind http://, https://, s3:// or gs://")
       ->type_name("PATH")
       ->required();
   addNoMapFlag(*sub, arguments->no_map);

@@ -37,7 +37,8 @@ constexpr std::string_view kOwnName = "isobrick: ";
 constexpr std::uint64_t kMostBytesUnasked = 8'000'000'000;
 
 constexpr char kFileHelp[] =
-    "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as 'isobrick build' reads "
+    "Pyramid (.isb), also behind http://, https://, s3:// or gs://; or a volume as 'isobrick "
+    "build' reads "
     "it, a DICOM folder, OME-Zarr behind such a URL, or phantom:NAME:SIZE, of which a pyramid is "
     "built into the cache if one is needed";
 

@@ -88,6 +88,15 @@ void AtomicFolder::writeFile(const std::string& name, const void* data, std::siz
   file.close();
 }
 
+void AtomicFolder::takeFile(const fs::path& from, const fs::path& name) {
+  makeFolder(name.parent_path().string());
+  const fs::path to = fs::path(temporary_path_) / name;
+  std::error_code error;
+  fs::create_hard_link(from, to, error);
+  if (error) fs::copy_file(from, to, error);
+  if (error) failWriting(path_, error.value());
+}
+
 void AtomicFolder::commit(const CancelFlag* cancel) {
   if (cancel != nullptr) cancel->check();
   // One call for thousands of files: an fsync each would wait for the disk that often.

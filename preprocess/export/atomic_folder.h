@@ -1,6 +1,7 @@
 // A folder that appears under its name only when all in it is complete.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "isobrick/storage/error.h"
@@ -38,6 +39,10 @@ class AtomicFolder {
   };
   // Writes a file in it. Thread-safe.
   void writeFile(const std::string& name, const void* data, std::size_t bytes);
+
+  // Puts a file of another folder there too, by a second name if the file system has those, else a
+  // copy. Makes the folders above it.
+  void takeFile(const std::filesystem::path& from, const std::filesystem::path& name);
 
   // Waits for the disk and gives the folder its name. A file or folder of that name is replaced,
   // and removed with all that is in it: the caller has checked it.

@@ -51,6 +51,9 @@ class CroppedSource final : public SourceView {
   void readBox(const IndexBox& box, void* out) const override {
     source_->readBox({box_.first + box.first, box.count}, out);
   }
+  void announce(const IndexBox& box) const override {
+    source_->announce({box_.first + box.first, box.count});
+  }
 
  private:
   std::size_t wholeRowBytes() const {

@@ -96,7 +96,8 @@ bool hasExrSlices(const std::string& folder);
 std::unique_ptr<VolumeSource> openExrSlices(const std::string& folder,
                                             const OpenOptions& options = {});
 
-// Opens an OpenVDB file (.vdb): the grid named options.grid, or else its first float grid, or its
+// Opens an OpenVDB file (.vdb): the grid named options.grid, or the one of that number, from 0, if
+// none has that name; without it its first float grid, or its
 // first grid of doubles, int32 or int64, which become float32, or of bools or a mask, which become
 // 0 and 1; a note names all if there are several. The volume is the box around the active voxels
 // and one voxel more on each side, so that surfaces close, or the box that isobrick wrote it from;
@@ -110,6 +111,9 @@ std::unique_ptr<VolumeSource> openExrSlices(const std::string& folder,
 // no active voxels or a transform that is not linear, and for files that are damaged or cut short.
 std::unique_ptr<VolumeSource> openVdbSource(const std::string& path,
                                             const OpenOptions& options = {});
+
+// Those of numbers, in the order of the file. Reads what stands in front of each.
+std::vector<std::string> vdbGridNames(const std::string& path, const OpenOptions& options);
 
 // Opens a dataset of an HDF5 file, "file.h5:/path" (../hdf5_name.h); without a path, the only one
 // of three axes or more, or the finest level of a file of Imaris or BigDataViewer, whose .xml may

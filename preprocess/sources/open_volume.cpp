@@ -117,6 +117,13 @@ std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOpti
 
 }  // namespace
 
+std::vector<std::string> gridNames(const std::string& path, const OpenOptions& options) {
+  if constexpr (ISOBRICK_WITH_OPENVDB)
+    if (!options.raw && !isRemotePath(path) && !isFolder(path) && lowerExtension(path) == ".vdb")
+      return vdbGridNames(path, options);
+  return {};
+}
+
 std::vector<ReadableFormat> readableFormats() {
   static const std::string raw_endings = [] {
     std::string endings;

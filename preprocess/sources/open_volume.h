@@ -58,9 +58,9 @@ struct OpenOptions {
   // Opens a pyramid (.isb) as a volume: this level of it. Without it pyramids are refused, so that
   // no pyramid is built of a pyramid by accident.
   std::optional<int> pyramid_level;
-  // Name of the volume to take from a file with several (OpenVDB grids, arrays of VTI, stacks of an
-  // enhanced DICOM file); empty: the first that can be read (for stacks: Error if there are
-  // several).
+  // Name of the volume to take from a file with several (OpenVDB grids, also by their number;
+  // arrays of VTI, stacks of an enhanced DICOM file); empty: the first that can be read (for
+  // stacks: Error if there are several).
   std::string grid;
   // Number of the time step or channel to take from a volume with several (OME-Zarr, time steps of
   // NIfTI, DICOM); without it the first, and a note says so (for DICOM: Error).
@@ -102,6 +102,10 @@ struct OpenOptions {
 // out, for pyramids, and (with Remedy::kDescribeRawFile) for files that are known to have no header
 // if options.raw is missing; Cancelled.
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options = {});
+
+// The names of the grids of numbers in an OpenVDB file, as OpenOptions::grid takes them, in its
+// order; none for files of other formats. Throws as openVolume().
+std::vector<std::string> gridNames(const std::string& path, const OpenOptions& options = {});
 
 // A format that openVolume() reads, for a list of them.
 struct ReadableFormat {

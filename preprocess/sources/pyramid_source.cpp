@@ -59,7 +59,7 @@ class BrickSource : public VolumeSource {
     const Index3 begin = glm::min(whole.first / brick_voxels_, last);
     const Index3 end = glm::min((whole.end() - Index3(1)) / brick_voxels_, last) + Index3(1);
     const Index3 count = end - begin;
-    if (bytes().isRemote()) announce(begin, count);
+    if (bytes().isRemote()) announceBricks(begin, count);
     isolatedFor(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
       const Index3 brick = begin + indexAt(i, count);
@@ -80,7 +80,7 @@ class BrickSource : public VolumeSource {
  private:
   const PagedFile& bytes() const { return pyramid_->parts().tables().bytes(); }
 
-  void announce(const Index3& begin, const Index3& count) const {
+  void announceBricks(const Index3& begin, const Index3& count) const {
     std::vector<PyramidParts::PartAddress> parts;
     forEachIndex({begin, count}, [&](const Index3& brick) {
       parts.push_back({part_, level_, brick});

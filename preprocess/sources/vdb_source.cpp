@@ -110,8 +110,8 @@ class VdbFile : private openvdb::io::Archive {
     in_.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
   }
 
-  // Which grid to take, named by options.grid; otherwise the first float grid, or else the first of
-  // other numbers.
+  // Which grid to take, by the name or the number in options.grid; otherwise the first float grid,
+  // or else the first of other numbers.
   void chooseGrid(std::vector<std::string>& notes) {
     guarded([&] {
       initializeOpenVdb();
@@ -121,6 +121,17 @@ class VdbFile : private openvdb::io::Archive {
         notes.push_back(concat("of ", entries_.size(), " grids, ", quoted(nameOf(*chosen_)),
                                " was taken; the others are ", namesText(chosen_)));
     });
+  }
+
+  std::vector<std::string> gridNames() {
+    std::vector<std::string> names;
+    guarded([&] {
+      initializeOpenVdb();
+      readHeaders();
+      for (const Entry& entry : entries_)
+        if (isScalar(*entry.grid)) names.push_back(nameOf(entry));
+    });
+    return names;
   }
 
   // The grid with its voxels, or, if these take more than `memory_bytes`, its nodes alone. Then
@@ -283,6 +294,9 @@ class VdbFile : private openvdb::io::Archive {
       if (named == entries_.end())
         named = std::find_if(entries_.begin(), entries_.end(),
                              [&](const Entry& e) { return nameOf(e) == wanted; });
+      if (const auto number = numberIn<std::size_t>(wanted);
+          named == entries_.end() && number && *number < entries_.size())
+        named = entries_.begin() + static_cast<std::ptrdiff_t>(*number);
       if (named == entries_.end())
         throw fileError(path_, "'", path_, "' has no grid ", quoted(wanted), "; it has ",
                         namesText(nullptr));
@@ -546,6 +560,10 @@ void takeProperties(VolumeInfo& info, const GridBase::Ptr& grid, const Index3& f
 }
 
 }  // namespace
+
+std::vector<std::string> vdbGridNames(const std::string& path, const OpenOptions& options) {
+  return VdbFile(path, options).gridNames();
+}
 
 std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenOptions& options) {
   VolumeInfo info;

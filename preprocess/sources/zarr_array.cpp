@@ -78,7 +78,7 @@ std::string codecName(const Json& codec) {
 }
 
 std::string metadataText(const std::string& path) {
-  if (const auto store = RemoteStore::through(path)) {
+  if (const auto store = remoteStoreOf(path)) {
     if (auto text = store->document(path)) return *std::move(text);
     throw unreadable(path, "the server has no such file; check the address");
   }
@@ -102,7 +102,7 @@ nlohmann::json readZarrJson(const std::string& path) {
 ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
   std::string inside;
   zip_ = zipThrough(folder, inside);
-  remote_ = RemoteStore::through(folder);
+  remote_ = remoteStoreOf(folder);
   metadata_path_ = folder + "/zarr.json";
   const bool is_version3 = storeFileIsThere(metadata_path_);
   if (!is_version3) metadata_path_ = folder + "/.zarray";
@@ -409,6 +409,17 @@ void ZarrArray::throwIfStoreWentAway() const {
                          {.path = folder_});
 }
 
+// The index of a shard, whose bytes are `run` of the file.
+ZarrArray::ByteRun ZarrArray::tableOf(const StoreFile& file, std::size_t shard,
+                                      const ByteRun& run) const {
+  const std::uint64_t bytes = static_cast<std::uint64_t>(product(chunksOf(shard))) * 16 +
+                              (shards_[shard].index_has_checksum ? 4 : 0);
+  if (run.bytes < bytes)
+    throw unreadable(file.path(), "it is shorter than the index of a shard",
+                     "; get the whole store again");
+  return {shards_[shard].index_at_start ? run.offset : run.offset + run.bytes - bytes, bytes};
+}
+
 // The part of a shard, whose bytes are `run` of the file, with the chunk of this index; nothing if
 // it is not stored.
 std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, std::size_t shard,
@@ -422,15 +433,11 @@ std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, 
     const std::int64_t inner = shards_[shard].shape[i] / count[i];
     row = row * count[i] + index[i] * chunk_[i] / inner % count[i];
   }
-  const bool has_checksum = shards_[shard].index_has_checksum;
-  std::vector<std::byte> table(static_cast<std::size_t>(product(count)) * 16 +
-                               (has_checksum ? 4 : 0));
-  if (run.bytes < table.size()) throw damaged("it is shorter than the index of a shard");
-  const std::uint64_t at =
-      shards_[shard].index_at_start ? run.offset : run.offset + run.bytes - table.size();
-  if (file.readAt(at, table.data(), table.size()) != table.size())
+  const ByteRun place = tableOf(file, shard, run);
+  std::vector<std::byte> table(static_cast<std::size_t>(place.bytes));
+  if (file.readAt(place.offset, table.data(), table.size(), true) != table.size())
     throw damaged("it became shorter meanwhile");
-  if (has_checksum && !takeChecksum(table))
+  if (shards_[shard].index_has_checksum && !takeChecksum(table))
     throw damaged("the index of the shard fails its checksum");
   const ByteRun found = {loadNumber<std::uint64_t>(table.data() + 16 * row, false),
                          loadNumber<std::uint64_t>(table.data() + 16 * row + 8, false)};
@@ -470,18 +477,28 @@ std::optional<StoreFile> ZarrArray::openOuter(const std::string& path) const {
 void ZarrArray::announce(std::span<const Indices> chunks) const {
   std::map<std::string, std::vector<const Indices*>> files;
   for (const Indices& index : chunks) files[pathOf(outerOf(index))].push_back(&index);
-  const FirstRequest first = firstRequest();
-  for (const auto& [path, in_it] : files) remote_->announce(path, first);
+  std::vector<ByteRange> in_zip;
+  for (const auto& [path, in_it] : files)
+    if (remote_ != nullptr)
+      remote_->announce(path, firstRequest());
+    else if (const auto* const member = zip_->find(path.substr(zip_->path().size() + 1)))
+      in_zip.push_back(zip_->firstRangeOf(*member));
+  if (zip_ != nullptr) zip_->announce(in_zip);
   if (shards_.size() != 1) return;  // shards in shards: their indices would be waited for in turn
+  const auto allOf = [](const StoreFile& file) { return ByteRun{0, file.size()}; };
+  for (const auto& [path, in_it] : files)
+    if (const auto file = zip_ != nullptr ? openOuter(path) : std::nullopt) {
+      const ByteRun table = tableOf(*file, 0, allOf(*file));
+      file->announce({{table.offset, table.bytes}});
+    }
   for (const auto& [path, in_it] : files) {
-    const auto ranges = remote_->open(path, first, true);
-    if (ranges == nullptr) continue;
-    const StoreFile file(path, ranges, remote_->cancel());
+    const auto file = openOuter(path);
+    if (!file) continue;
     std::vector<ByteRange> runs;
     for (const Indices* const index : in_it)
-      if (const auto run = findInShard(file, 0, {0, file.size()}, *index))
+      if (const auto run = findInShard(*file, 0, allOf(*file), *index))
         runs.push_back({run->offset, run->bytes});
-    ranges->announce(runs);
+    file->announce(std::move(runs));
   }
 }
 
@@ -560,7 +577,7 @@ bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
 }
 
 std::vector<std::string> ZarrArray::files(const Indices& fixed) const {
-  if (zip_ != nullptr) return {zip_->file().path()};
+  if (zip_ != nullptr) return {zip_->path()};
   constexpr std::int64_t kMostFiles = 20000;
   std::vector<std::string> files = {metadata_path_};
   Indices first(shape_.size(), 0), count(shape_.size(), 1);

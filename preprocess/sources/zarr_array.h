@@ -78,7 +78,9 @@ class ZarrArray {
   double fill() const { return fill_; }
 
   // Whether it lies behind a URL.
-  bool isRemote() const { return remote_ != nullptr; }
+  bool isRemote() const {
+    return remote_ != nullptr || (zip_ != nullptr && zip_->file() == nullptr);
+  }
   // Of an array behind a URL: asks for these chunks, which will be read soon, all at once. Waits
   // for the indices of shards alone. Throws what readChunk() throws.
   void announce(std::span<const Indices> chunks) const;
@@ -126,6 +128,7 @@ class ZarrArray {
   Indices outerOf(const Indices& index) const;
   FirstRequest firstRequest() const;
   std::optional<StoreFile> openOuter(const std::string& path) const;
+  ByteRun tableOf(const StoreFile& file, std::size_t shard, const ByteRun& run) const;
   std::optional<ByteRun> findInShard(const StoreFile& file, std::size_t shard, ByteRun run,
                                      const Indices& index) const;
   bool readPacked(const std::string& path, const Indices& index, std::vector<std::byte>& out) const;

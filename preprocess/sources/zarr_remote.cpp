@@ -16,7 +16,7 @@ namespace isobrick {
 namespace {
 
 // Objects that are open or underway, and what their first answers may take.
-constexpr std::size_t kMostAsked = 96;
+constexpr std::size_t kMostAsked = 288;
 constexpr std::uint64_t kMostAskedBytes = std::uint64_t{64} << 20;
 
 constexpr std::string_view kConsolidated = ".zmetadata";

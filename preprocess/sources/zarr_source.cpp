@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <condition_variable>
+#include <deque>
 #include <filesystem>
 #include <list>
 #include <map>
@@ -169,9 +170,10 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
         group_files_(std::move(group_files)),
         identity_(std::move(identity)),
         cancel_(options.cancel),
-        // A few chunks are being unpacked.
-        cache_bytes_(std::max(options.memory_bytes, 8 * array_.chunkBytes()) -
-                     4 * array_.chunkBytes()),
+        // A few chunks are being unpacked. Whoever reads slices needs those of two layers.
+        cache_bytes_(std::min(
+            std::max(options.memory_bytes, 8 * array_.chunkBytes()) - 4 * array_.chunkBytes(),
+            3 * layerBytes())),
         cache_(cache_bytes_),
         tally_((info_.voxels - Index3(1)) / chunkVoxels() + Index3(1)) {}
 
@@ -205,10 +207,13 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
   void readBox(const IndexBox& box, void* out) const override {
     const Index3 size = chunkVoxels();
     const IndexBox chunks = chunksOf(box);
-    std::int64_t number = 0;
+    std::int64_t number = 0, asked = 0;
     forEachIndex(chunks, [&](const Index3& at) {
       if (cancel_ != nullptr) cancel_->check();
-      if (array_.isRemote() && number % kStepAhead == 0) announce(chunks, number);
+      if (array_.isRemote() && number >= asked && isAbsent(indicesOf(at))) {
+        askAhead(chunks, number);
+        asked = number + kStepAhead;
+      }
       ++number;
       const ChunkCache::Value chunk = chunkAt(at);
       visitNumberType(info_.voxel_type, [&](auto tag) {
@@ -217,6 +222,13 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
                   static_cast<T*>(out));
       });
     });
+  }
+
+  // They are asked for by the next readBox(), behind its own.
+  void announce(const IndexBox& box) const override {
+    if (!array_.isRemote() || box.size() == 0) return;
+    const std::lock_guard lock(mutex_);
+    forEachIndex(chunksOf(box), [&](const Index3& at) { announced_.push_back(at); });
   }
 
  private:
@@ -237,17 +249,33 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     return !being_read_.contains(index) && cache_.find(index) == nullptr;
   }
 
-  // Of an array behind a URL: chunks that are asked for ahead of the one that is read, so many at a
-  // time.
-  static constexpr std::int64_t kAhead = 64, kStepAhead = 16;
+  std::uint64_t layerBytes() const {
+    const Index3 chunks = (info_.voxels - Index3(1)) / chunkVoxels() + Index3(1);
+    return static_cast<std::uint64_t>(chunks.x * chunks.y) * array_.chunkBytes();
+  }
 
-  // Asks for those of the box that come next and are not here.
-  void announce(const IndexBox& chunks, std::int64_t number) const {
+  // Of an array behind a URL: chunks are asked for ahead of the one that is read, as many as the
+  // client keeps (RemoteStore, HttpRanges::kMostAheadBytes) even if they are packed to nothing
+  // less, and again after every step of them.
+  static constexpr std::int64_t kMostAhead = 256, kStepAhead = 16;
+  static constexpr std::uint64_t kAheadBytes = std::uint64_t{60} << 20;
+
+  // Asks for chunks that are not here: those of the box from `number` on, then those that were
+  // announced.
+  void askAhead(const IndexBox& chunks, std::int64_t number) const {
+    const std::size_t most = std::clamp<std::size_t>(
+        kAheadBytes / mostPackedBytes(array_.chunkBytes()), kStepAhead, kMostAhead);
     std::vector<Indices> next;
-    const std::int64_t end = std::min(number + kAhead, chunks.size());
-    for (; number < end; ++number) {
-      Indices index = indicesOf(chunks.first + indexAt(number, chunks.count));
-      if (isAbsent(index)) next.push_back(std::move(index));
+    {
+      const std::lock_guard lock(mutex_);
+      const auto take = [&](Indices index) {
+        if (being_read_.contains(index) || cache_.find(index) != nullptr) return;
+        if (ahead_.insert(index).second) next.push_back(std::move(index));
+      };
+      for (; ahead_.size() < most && number < chunks.size(); ++number)
+        take(indicesOf(chunks.first + indexAt(number, chunks.count)));
+      for (; ahead_.size() < most && !announced_.empty(); announced_.pop_front())
+        take(indicesOf(announced_.front()));
     }
     array_.announce(next);
   }
@@ -280,6 +308,7 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
       changed_.wait(lock, [&] { return !being_read_.contains(index); });
       if (ChunkCache::Value chunk = cache_.find(index)) return chunk;
       being_read_.insert(index);
+      ahead_.erase(index);
     }
     const Reading reading{*this, index};
     auto voxels = std::make_shared<std::vector<std::byte>>();
@@ -323,8 +352,10 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
   std::uint64_t cache_bytes_;
   mutable ChunkCache cache_;
   mutable ChunkTally tally_;
-  mutable std::mutex mutex_;  // guards the next one
+  mutable std::mutex mutex_;  // guards the three below
   mutable std::set<Indices> being_read_;
+  mutable std::set<Indices> ahead_;  // asked for and not read yet
+  mutable std::deque<Index3> announced_;
   mutable std::condition_variable changed_;
 };
 
@@ -341,7 +372,7 @@ class ZarrOpener {
   std::unique_ptr<VolumeSource> open() {
     VolumeInfo info;
     info.source = path_;
-    if (remote_ != nullptr && !hasRemoteMetadata())
+    if (remote_ != nullptr && zip_ == nullptr && !hasRemoteMetadata())
       throw unreadable(path_,
                        "the server has no metadata of a Zarr store there (zarr.json, .zarray or "
                        ".zattrs); check the address");
@@ -360,7 +391,9 @@ class ZarrOpener {
     place(info, axes);
     info.voxel_type = array.stored().delivered();
     tidyGeometry(path_, info.geometry, info.voxels, info.notes);
-    std::string identity = remote_ == nullptr ? "" : remote_->identityOf(path_);
+    std::string identity = remote_ == nullptr ? ""
+                           : zip_ != nullptr  ? path_ + ", " + zip_->identity()
+                                              : remote_->identityOf(path_);
     return std::make_unique<ZarrSource>(std::move(info), std::move(array), axes, fixed,
                                         group_files_, std::move(identity), options_);
   }

@@ -13,12 +13,14 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 #include "isobrick/preprocess/sources/zarr_remote.h"
+#include "isobrick/storage/checksum.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/range_reader.h"
@@ -31,12 +33,24 @@ constexpr std::uint64_t kMostTableBytes = std::uint64_t{1} << 30;
 constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{1} << 30;
 constexpr std::string_view kMetadata[] = {"zarr.json", ".zarray", ".zgroup", ".zattrs"};
 
+constexpr std::uint64_t kHeaderBytes = 30;  // of a member, before its name
+
+// Of a file behind a URL.
+void readRange(RemoteRanges& ranges, const ByteRange& range, void* out, const std::string& path,
+               const CancelFlag* cancel) try {
+  ranges.read(range, static_cast<std::byte*>(out));
+} catch (const ReadFailure& failure) {
+  if (cancel != nullptr) cancel->check();
+  throw ResumableError("'" + path + "' " + withAdvice(failure.what(), "run again later"),
+                       {.path = path, .offset = range.offset});
+}
+
 template <typename T>
 T numberAt(const std::vector<std::byte>& bytes, std::size_t at) {
   return loadNumber<T>(bytes.data() + at, false);
 }
 
-std::vector<std::byte> readRun(const InputFile& file, std::uint64_t offset, std::uint64_t bytes) {
+std::vector<std::byte> readRun(const ZipFile& file, std::uint64_t offset, std::uint64_t bytes) {
   std::vector<std::byte> run(static_cast<std::size_t>(bytes));
   if (file.readAt(offset, run.data(), run.size()) != run.size())
     throw unreadable(file.path(), "the zip file is cut short; get it again");
@@ -70,18 +84,65 @@ bool isZipName(const std::string& name) {
 }  // namespace
 
 void ZipFile::throwDamaged() const {
-  throw unreadable(file_.path(), "the zip file is damaged or cut short; get it again");
+  throw unreadable(path_, "the zip file is damaged or cut short; get it again");
 }
 
-ZipFile::ZipFile(const std::string& path) : file_(path) { readTable(findTable()); }
+ZipFile::ZipFile(const std::string& path)
+    : path_(path), file_(std::in_place, path), size_(file_->size()) {
+  readTable(findTable());
+}
+
+ZipFile::ZipFile(const std::string& path, std::shared_ptr<RemoteRanges> ranges,
+                 const CancelFlag* cancel)
+    : path_(path), ranges_(std::move(ranges)), cancel_(cancel), size_(ranges_->size()) {
+  readTable(findTable());
+}
+
+std::string ZipFile::identity() const {
+  const std::string text = ranges_ == nullptr ? "" : ranges_->identity();
+  return concat("zip file ", checksum64(text.data(), text.size()));
+}
+
+std::size_t ZipFile::readAt(std::uint64_t offset, void* out, std::size_t bytes, bool stays) const {
+  if (file_) return file_->readAt(offset, out, bytes);
+  if (offset >= size_) return 0;
+  bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, size_ - offset));
+  if (stays) {
+    const std::lock_guard lock(mutex_);
+    const auto found = kept_.find(offset);
+    if (found != kept_.end() && found->second.size() == bytes) {
+      std::memcpy(out, found->second.data(), bytes);
+      return bytes;
+    }
+  }
+  readRange(*ranges_, {offset, bytes}, out, path_, cancel_);
+  if (stays) {
+    const auto* const begin = static_cast<const std::byte*>(out);
+    const std::lock_guard lock(mutex_);
+    kept_[offset].assign(begin, begin + bytes);
+  }
+  return bytes;
+}
+
+void ZipFile::announce(std::span<const ByteRange> ranges) const {
+  if (ranges_ != nullptr) ranges_->announce(ranges);
+}
+
+ByteRange ZipFile::firstRangeOf(const Member& member) const {
+  constexpr std::uint64_t kNotMuch = std::uint64_t{4} << 20;
+  const auto next = std::upper_bound(begins_.begin(), begins_.end(), member.header_offset);
+  const std::uint64_t all = next == begins_.end() ? 0 : *next - member.header_offset;
+  const bool takes_all = !file_ && all > kHeaderBytes && (all <= kNotMuch || member.method != 0);
+  return {member.header_offset, takes_all ? all : kHeaderBytes};
+}
 
 // The end record, and in front of it that of a file of more than 4 GiB.
 ZipFile::Table ZipFile::findTable() const {
   constexpr std::uint64_t kEndRecord = 22, kLocator = 20, kEndRecord64 = 56, kMostComment = 65535;
-  const std::uint64_t tail_bytes = std::min(file_.size(), kEndRecord + kMostComment);
+  const std::uint64_t tail_bytes = std::min(size_, kEndRecord + kMostComment);
   if (tail_bytes < kEndRecord) throwDamaged();
-  const std::uint64_t tail_begin = file_.size() - tail_bytes;
-  const std::vector<std::byte> tail = readRun(file_, tail_begin, tail_bytes);
+  const std::uint64_t tail_begin = size_ - tail_bytes;
+  const std::vector<std::byte> tail = readRun(*this, tail_begin, tail_bytes);
   std::size_t at = tail.size() - kEndRecord;
   while (numberAt<std::uint32_t>(tail, at) != 0x06054b50 ||
          numberAt<std::uint16_t>(tail, at + 20) != tail.size() - at - kEndRecord)
@@ -91,24 +152,23 @@ ZipFile::Table ZipFile::findTable() const {
   if (table.offset == 0xffffffff || table.bytes == 0xffffffff || table.members == 0xffff) {
     const std::uint64_t end = tail_begin + at;
     if (end < kLocator) throwDamaged();
-    const auto locator = readRun(file_, end - kLocator, kLocator);
+    const auto locator = readRun(*this, end - kLocator, kLocator);
     if (numberAt<std::uint32_t>(locator, 0) != 0x07064b50) throwDamaged();
     const auto place = numberAt<std::uint64_t>(locator, 8);
     if (place > end || end - place < kEndRecord64) throwDamaged();
-    const auto record = readRun(file_, place, kEndRecord64);
+    const auto record = readRun(*this, place, kEndRecord64);
     if (numberAt<std::uint32_t>(record, 0) != 0x06064b50) throwDamaged();
     table = {numberAt<std::uint64_t>(record, 48), numberAt<std::uint64_t>(record, 40),
              numberAt<std::uint64_t>(record, 32)};
   }
-  if (table.offset > file_.size() || table.bytes > file_.size() - table.offset ||
-      table.bytes > kMostTableBytes)
+  if (table.offset > size_ || table.bytes > size_ - table.offset || table.bytes > kMostTableBytes)
     throwDamaged();
   return table;
 }
 
 void ZipFile::readTable(const Table& table) {
   constexpr std::size_t kRow = 46;
-  const std::vector<std::byte> rows = readRun(file_, table.offset, table.bytes);
+  const std::vector<std::byte> rows = readRun(*this, table.offset, table.bytes);
   if (table.members > rows.size() / kRow) throwDamaged();
   std::size_t at = 0;
   for (std::uint64_t i = 0; i < table.members; ++i) {
@@ -146,6 +206,9 @@ void ZipFile::readTable(const Table& table) {
   // Of two of one name the later one counts, as for those who unpack it all.
   std::stable_sort(members_.begin(), members_.end(),
                    [](const Member& a, const Member& b) { return a.name < b.name; });
+  for (const Member& member : members_) begins_.push_back(member.header_offset);
+  begins_.push_back(table.offset);
+  std::sort(begins_.begin(), begins_.end());
 }
 
 const ZipFile::Member* ZipFile::find(const std::string& name) const {
@@ -176,7 +239,7 @@ std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& 
   for (std::size_t end = 0; end != std::string::npos;) {
     end = path.find('/', end + 1);
     file = path.substr(0, end);
-    if (isZipName(file) && isRegularFile(file)) {
+    if (isZipName(file) && (isRegularFile(file) || isRemotePath(file))) {
       inside = end == std::string::npos ? "" : path.substr(end + 1);
       break;
     }
@@ -187,28 +250,44 @@ std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& 
   static std::map<std::string, std::weak_ptr<const ZipFile>> open_files;
   const std::lock_guard lock(mutex);
   std::weak_ptr<const ZipFile>& known = open_files[file];
+  if (isRemotePath(file)) {
+    auto zip = known.lock();
+    const auto store = RemoteStore::through(file);
+    if (store == nullptr || (zip != nullptr && zip->cancel() == store->cancel())) return zip;
+    constexpr std::uint64_t kEndBytes = std::uint64_t{66} << 10;  // its end record with any comment
+    auto ranges = store->open(file, {.bytes = kEndBytes, .is_of_end = true}, false);
+    if (ranges == nullptr)
+      throw unreadable(file, "the server has no such file (404); check the address");
+    zip = std::make_shared<const ZipFile>(file, std::move(ranges), store->cancel());
+    known = zip;
+    return zip;
+  }
   const InputFile now(file);
   if (auto zip = known.lock()) {
     const auto isEqual = [](const std::timespec& a, const std::timespec& b) {
       return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec;
     };
-    if (zip->file().size() == now.size() && isEqual(zip->file().changedAt(), now.changedAt()))
-      return zip;
+    if (zip->size() == now.size() && isEqual(zip->file()->changedAt(), now.changedAt())) return zip;
   }
   auto zip = std::make_shared<const ZipFile>(file);
   known = zip;
   return zip;
 }
 
+std::shared_ptr<RemoteStore> remoteStoreOf(const std::string& path) {
+  std::string inside;
+  return zipThrough(path, inside) == nullptr ? RemoteStore::through(path) : nullptr;
+}
+
 bool storeFileIsThere(const std::string& path) {
-  if (const auto store = RemoteStore::through(path)) return store->document(path).has_value();
+  if (const auto store = remoteStoreOf(path)) return store->document(path).has_value();
   std::string inside;
   const auto zip = zipThrough(path, inside);
   return zip == nullptr ? inputIsThere(path) : zip->find(inside) != nullptr;
 }
 
 void visitStoreFolders(const std::string& folder, const std::function<bool(std::string)>& f) {
-  if (const auto store = RemoteStore::through(folder)) {
+  if (const auto store = remoteStoreOf(folder)) {
     for (std::string& name : store->childrenOf(folder))
       if (!f(std::move(name))) return;
     return;
@@ -257,7 +336,6 @@ StoreFile::StoreFile(const std::string& path, std::shared_ptr<RemoteRanges> rang
     : path_(path), ranges_(std::move(ranges)), cancel_(cancel), size_(ranges_->size()) {}
 
 void StoreFile::openMember(const std::string& name) {
-  constexpr std::uint64_t kHeader = 30;
   constexpr std::uint16_t kEncrypted = 1, kStored = 0, kDeflated = 8;
   const auto damaged = [&] { return unreadable(path_, "it is damaged; get the zip file again"); };
   const ZipFile::Member* const member = zip_->find(name);
@@ -268,49 +346,64 @@ void StoreFile::openMember(const std::string& name) {
     throw unusable(
         path_, "it is packed by method ", member->method,
         ", and isobrick reads 0 (stored) and 8 (deflated); unpack the zip file to a folder");
-  const InputFile& file = zip_->file();
-  if (member->header_offset > file.size() || file.size() - member->header_offset < kHeader)
-    throw damaged();
-  const auto header = readRun(file, member->header_offset, kHeader);
-  if (numberAt<std::uint32_t>(header, 0) != 0x04034b50) throw damaged();
-  begin_ = member->header_offset + kHeader + numberAt<std::uint16_t>(header, 26) +
-           numberAt<std::uint16_t>(header, 28);
-  if (begin_ > file.size() || member->packed_bytes > file.size() - begin_) throw damaged();
+  const ByteRange first = zip_->firstRangeOf(*member);
+  std::vector<std::byte> head(static_cast<std::size_t>(first.bytes));
+  const bool is_header = first.bytes == kHeaderBytes;
+  const bool stays = is_header || std::any_of(std::begin(kMetadata), std::end(kMetadata),
+                                              [&](auto known) { return name.ends_with(known); });
+  head.resize(zip_->readAt(first.offset, head.data(), head.size(), stays));
+  if (head.size() < kHeaderBytes || numberAt<std::uint32_t>(head, 0) != 0x04034b50) throw damaged();
+  const std::uint64_t before =
+      kHeaderBytes + numberAt<std::uint16_t>(head, 26) + numberAt<std::uint16_t>(head, 28);
+  begin_ = member->header_offset + before;
+  if (begin_ > zip_->size() || member->packed_bytes > zip_->size() - begin_) throw damaged();
   size_ = member->bytes;
   if (member->method == kStored) {
     if (member->packed_bytes != member->bytes) throw damaged();
     checksum_ = member->checksum;
-    return;
+    if (is_header) return;
   }
   if (std::max(member->bytes, member->packed_bytes) > kMostUnpackedBytes)
     throw unusable(path_,
                    "it is deflated and has more than 1 GiB; unpack the zip file to a folder");
-  auto packed = readRun(file, begin_, member->packed_bytes);
-  unpacked_.resize(static_cast<std::size_t>(size_));
-  if (!inflateAll(packed, unpacked_) ||
-      checksumOf(unpacked_.data(), unpacked_.size()) != member->checksum)
-    throw damaged();
+  std::vector<std::byte> packed;
+  if (is_header) {
+    packed = readRun(*zip_, begin_, member->packed_bytes);
+  } else {
+    if (before + member->packed_bytes > head.size()) throw damaged();
+    const auto begin = head.begin() + static_cast<std::ptrdiff_t>(before);
+    packed.assign(begin, begin + static_cast<std::ptrdiff_t>(member->packed_bytes));
+  }
+  if (member->method == kStored) {
+    unpacked_ = std::move(packed);
+  } else {
+    unpacked_.resize(static_cast<std::size_t>(size_));
+    if (!inflateAll(packed, unpacked_)) throw damaged();
+  }
+  if (checksumOf(unpacked_.data(), unpacked_.size()) != member->checksum) throw damaged();
 }
 
-std::size_t StoreFile::readAt(std::uint64_t offset, void* out, std::size_t bytes) const {
+void StoreFile::announce(std::vector<ByteRange> ranges) const {
+  if (ranges_ != nullptr) return ranges_->announce(ranges);
+  if (zip_ == nullptr || !unpacked_.empty()) return;
+  for (ByteRange& range : ranges) range.offset += begin_;
+  zip_->announce(ranges);
+}
+
+std::size_t StoreFile::readAt(std::uint64_t offset, void* out, std::size_t bytes,
+                              bool stays) const {
   if (file_) return file_->readAt(offset, out, bytes);
   if (offset >= size_) return 0;
   bytes = static_cast<std::size_t>(std::min<std::uint64_t>(bytes, size_ - offset));
   if (ranges_ != nullptr) {
-    try {
-      ranges_->read({offset, bytes}, static_cast<std::byte*>(out));
-    } catch (const ReadFailure& failure) {
-      if (cancel_ != nullptr) cancel_->check();
-      throw ResumableError("'" + path_ + "' " + withAdvice(failure.what(), "run again later"),
-                           {.path = path_, .offset = offset});
-    }
+    readRange(*ranges_, {offset, bytes}, out, path_, cancel_);
     return bytes;
   }
   if (!unpacked_.empty()) {
     std::memcpy(out, unpacked_.data() + offset, bytes);
     return bytes;
   }
-  const std::size_t read = zip_->file().readAt(begin_ + offset, out, bytes);
+  const std::size_t read = zip_->readAt(begin_ + offset, out, bytes, stays);
   if (read == size_ && checksum_ && checksumOf(out, read) != *checksum_)
     throw unreadable(path_, "it fails its checksum; get the zip file again");
   return read;

@@ -6,22 +6,27 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/range_reader.h"
 
 namespace isobrick {
 
 class RemoteRanges;
+class RemoteStore;
 
-// A zip file with its table of members (APPNOTE.TXT of PKWARE, also of more than 4 GiB). All
-// members are thread-safe.
+// A zip file with its table of members (APPNOTE.TXT of PKWARE, also of more than 4 GiB), of this
+// machine or behind a URL. All members are thread-safe.
 class ZipFile {
  public:
   struct Member {
@@ -33,8 +38,24 @@ class ZipFile {
 
   // Reads the table. Throws Error for a file that is no zip file, or a damaged one.
   explicit ZipFile(const std::string& path);
+  // Behind a URL, open. `cancel` may be null, and outlives it.
+  ZipFile(const std::string& path, std::shared_ptr<RemoteRanges> ranges, const CancelFlag* cancel);
 
-  const InputFile& file() const { return file_; }
+  const std::string& path() const { return path_; }
+  std::uint64_t size() const { return size_; }
+  // Null behind a URL.
+  const InputFile* file() const { return file_ ? &*file_ : nullptr; }
+  const CancelFlag* cancel() const { return cancel_; }
+  // A line that changes if it does, behind a URL.
+  std::string identity() const;
+
+  // As InputFile. With `stays`, bytes from behind a URL are kept, as they are read again.
+  std::size_t readAt(std::uint64_t offset, void* out, std::size_t bytes, bool stays = false) const;
+  // Behind a URL, asks for ranges of it that will be read.
+  void announce(std::span<const ByteRange> ranges) const;
+  // What is read first of a member: its header, or, behind a URL, all of it if that is not much.
+  ByteRange firstRangeOf(const Member& member) const;
+
   // Null if there is none of that name.
   const Member* find(const std::string& name) const;
   // Names below a folder of it ("" is the top), each once.
@@ -48,13 +69,25 @@ class ZipFile {
   Table findTable() const;
   void readTable(const Table& table);
 
-  InputFile file_;
-  std::vector<Member> members_;  // by name
+  std::string path_;
+  std::optional<InputFile> file_;
+  std::shared_ptr<RemoteRanges> ranges_;  // in place of file_
+  const CancelFlag* cancel_ = nullptr;
+  std::uint64_t size_ = 0;
+  std::vector<Member> members_;        // by name
+  std::vector<std::uint64_t> begins_;  // of their headers, sorted, and of the table
+  mutable std::mutex mutex_;           // guards the next one
+  mutable std::map<std::uint64_t, std::vector<std::byte>> kept_;  // by offset
 };
 
 // The zip file that a path leads through, or is; the rest of the path is `inside` it. Null if there
-// is none. As long as one is held, the same path gives the same one, unless the file was changed.
+// is none, and behind a URL if no store was entered that leads there. As long as one is held, the
+// same path gives the same one, unless the file was changed.
 std::shared_ptr<const ZipFile> zipThrough(const std::string& path, std::string& inside);
+
+// The store behind a URL that a path leads through; null for all others, and for paths through a
+// zip file.
+std::shared_ptr<RemoteStore> remoteStoreOf(const std::string& path);
 
 // As inputIsThere(). Behind a URL: of metadata.
 bool storeFileIsThere(const std::string& path);
@@ -76,7 +109,9 @@ class StoreFile {
 
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
-  std::size_t readAt(std::uint64_t offset, void* out, std::size_t bytes) const;
+  // See ZipFile.
+  std::size_t readAt(std::uint64_t offset, void* out, std::size_t bytes, bool stays = false) const;
+  void announce(std::vector<ByteRange> ranges) const;
 
  private:
   void openMember(const std::string& name);

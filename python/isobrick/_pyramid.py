@@ -483,7 +483,7 @@ def open(
     Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
     stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
 
-    ``path`` may be a URL: ``https://…``, ``http://…`` or ``s3://bucket/key``. ``cache_size`` ("4G") keeps parts
-    of it on disk, in ``cache_folder`` or the folder that ``isobrick cache`` lists; by default none stay.
+    ``path`` may be a URL: ``https://…``, ``http://…``, ``s3://bucket/key`` or ``gs://bucket/key``. ``cache_size``
+    ("4G") keeps parts of it on disk, in ``cache_folder`` or the folder that ``isobrick cache`` lists; by default none stay.
     """
     return Pyramid(path, memory, mmap, cache_folder, cache_size)

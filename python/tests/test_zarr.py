@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import urllib.request
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -113,6 +114,30 @@ def test_metadata_are_those_of_the_specification(command: Command, tmp_path: Pat
     assert array["dimension_names"] == ["z", "y", "x"]
 
 
+def test_parts_make_the_same_bytes(command: Command, tmp_path: Path) -> None:
+    values = volume("uint16")
+    write_nrrd(tmp_path / "in.nrrd", values)
+    command("build", tmp_path / "in.nrrd", "-o", tmp_path / "in.isb")
+    for source, more in (("in.nrrd", ()), ("in.isb", ("--levels", "all"))):
+        whole, out = tmp_path / f"whole-{source}.ome.zarr", tmp_path / f"{source}.ome.zarr"
+        words = ("convert", tmp_path / source, "--zarr-shard", 64, *more)
+        command(*words, "-o", whole)
+        for part in (3, 1, 2):
+            assert not out.exists()
+            command(*words, "-o", out, "--part", f"{part}/3")
+        files = {file.relative_to(whole) for file in whole.rglob("*") if file.is_file()}
+        assert files == {file.relative_to(out) for file in out.rglob("*") if file.is_file()}
+        for file in files:
+            assert (whole / file).read_bytes() == (out / file).read_bytes()
+        assert not list(tmp_path.glob("*part*"))
+    # Parts of another volume are noticed.
+    out = tmp_path / "mixed.ome.zarr"
+    command("convert", tmp_path / "in.nrrd", "-o", out, "--part", "1/2")
+    with pytest.raises(AssertionError, match="part 1 of 2 is of another volume"):
+        command("convert", tmp_path / "in.isb", "-o", out, "--part", "2/2")
+    assert not out.exists()
+
+
 def test_ngff_zarr_reads_both(command: Command, tmp_path: Path) -> None:
     import ngff_zarr
 
@@ -141,6 +166,12 @@ def stores(tmp_path_factory: pytest.TempPathFactory, command: Command) -> Path:
     command("convert", folder / "in.nrrd", "-o", folder / "two.zarr", "--zarr-version", 2)
     shutil.copytree(folder / "two.zarr", folder / "consolidated.zarr")
     zarr.consolidate_metadata(str(folder / "consolidated.zarr"), zarr_format=2)
+    for name, method in (("three", zipfile.ZIP_STORED), ("two", zipfile.ZIP_STORED), ("packed", zipfile.ZIP_DEFLATED)):
+        store = folder / f"{name.replace('packed', 'two')}.zarr"
+        with zipfile.ZipFile(folder / f"{name}.ozx", "w", method) as archive:
+            for file in sorted(store.rglob("*"), key=str):
+                if file.is_file():
+                    archive.write(file, file.relative_to(store))
     return folder
 
 
@@ -159,6 +190,13 @@ def asked(server: Server) -> list[str]:
         return [request["path"] for request in json.load(answer)["requests"]]
 
 
+def asked_ranges(server: Server, within: str = "") -> list[tuple[int, int]]:
+    """The ranges of such paths that were asked for so far, as first and last byte."""
+    with urllib.request.urlopen(server.url("stats"), timeout=10) as answer:
+        requests = [r for r in json.load(answer)["requests"] if within in r["path"]]
+    return [(r["first"], r["last"]) for r in requests if r["first"] is not None]
+
+
 @pytest.mark.parametrize("name", ["three.zarr", "two.zarr", "consolidated.zarr", "three.zarr/0", "two.zarr/0/"])
 def test_a_store_behind_http_is_the_one_in_the_folder(
     server: Server, stores: Path, command: Command, tmp_path: Path, name: str
@@ -168,8 +206,42 @@ def test_a_store_behind_http_is_the_one_in_the_folder(
     chunks = [path for path in asked(server) if os.path.basename(path).isdigit()]
     if "three" not in name:
         assert len(chunks) == len(set(chunks)) == 2 * 3 * 4, "each once"
+    else:
+        bytes_read = sum(last + 1 - first for first, last in asked_ranges(server, "/c/"))
+        stored = sum(file.stat().st_size for file in (stores / "three.zarr/0/c").rglob("*") if file.is_file())
+        assert bytes_read <= 1.15 * stored
     about = json.loads(command("convert", server.url(f"good/{name}"), "-o", tmp_path / "x.raw", "--json"))
     assert about["spacing"] == list(SPACING) and about["origin"] == list(ORIGIN)
+
+
+@pytest.mark.parametrize("name", ["three.ozx", "two.ozx", "packed.ozx", "three.ozx/0"])
+def test_a_zipped_store_behind_http_is_the_one_in_the_folder(
+    server: Server, stores: Path, command: Command, tmp_path: Path, name: str
+) -> None:
+    url = server.url(f"good/{name}")
+    about = json.loads(command("info", url, "--json"))
+    assert about["dimensions"] == list(SHAPE[::-1]) and about["spacing"] == list(SPACING)
+    begun = len(asked_ranges(server))
+    assert np.array_equal(read_raw(command, url, tmp_path, "uint16"), volume("uint16"))
+    bytes_read = sum(last + 1 - first for first, last in asked_ranges(server)[begun:])
+    size = (stores / name.split("/")[0]).stat().st_size
+    assert bytes_read < 1.15 * size + (150 << 10), "its table, and each member once"
+    out = tmp_path / "box.raw"
+    begun = len(asked_ranges(server))
+    command("convert", url, "-o", out, "--box", "130,70,5,190,120,60")
+    assert np.array_equal(np.fromfile(out, "uint16").reshape(56, 51, 61), volume("uint16")[5:61, 70:121, 130:191])
+    if name != "three.ozx/0":
+        assert sum(last + 1 - first for first, last in asked_ranges(server)[begun:]) < size / 2
+        isobrick.build(url, tmp_path / "zipped.isb")
+        with isobrick.open(tmp_path / "zipped.isb") as pyramid:
+            assert np.array_equal(pyramid.levels[0][:], volume("uint16"))
+
+
+def test_a_zipped_store_that_changes_is_noticed(server: Server, command: Command, tmp_path: Path) -> None:
+    with pytest.raises(AssertionError, match="was changed while it was open"):
+        command("convert", server.url("changes/etag/three.ozx"), "-o", tmp_path / "x.raw")
+    with pytest.raises(AssertionError, match="no such file"):
+        command("info", server.url("good/none.ozx"))
 
 
 def test_only_what_a_box_needs_is_read(server: Server, command: Command, tmp_path: Path) -> None:
@@ -270,6 +342,15 @@ def test_a_store_in_s3(
     for name in ("three.zarr", "two.zarr"):
         found = read_raw(command, f"s3://scans/a b/{name}", tmp_path, "uint16")
         assert np.array_equal(found, volume("uint16"))
+    # Google's storage speaks the same language, under names of its own.
+    clean.setenv("STORAGE_EMULATOR_HOST", bucket)
+    clean.setenv("GS_ACCESS_KEY_ID", "id")
+    clean.setenv("GS_SECRET_ACCESS_KEY", "secret")
+    assert np.array_equal(read_raw(command, "gs://scans/a b/three.zarr", tmp_path, "uint16"), volume("uint16"))
+    clean.delenv("GS_ACCESS_KEY_ID")
+    clean.delenv("GS_SECRET_ACCESS_KEY")
+    with pytest.raises(AssertionError, match="refuses access"):
+        command("info", "gs://scans/a b/three.zarr")
     clean.delenv("AWS_ACCESS_KEY_ID")
     clean.delenv("AWS_SECRET_ACCESS_KEY")
     with pytest.raises(AssertionError, match="refuses access"):

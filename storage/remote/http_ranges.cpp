@@ -38,9 +38,11 @@ void forEachPiece(const ByteRange& range, F&& f) {
 HttpConnections::HttpConnections(const RemoteOptions& options)
     : transfers(stallSecondsOf(options)) {}
 
-S3Account HttpConnections::account() {
+S3Account HttpConnections::account(const std::string& url) {
   const std::lock_guard lock(mutex);
-  if (!s3_account) s3_account = findS3Account(systemSurroundings());
+  if (!s3_account)
+    s3_account = isGoogleUrl(url) ? findGoogleAccount(systemSurroundings())
+                                  : findS3Account(systemSurroundings());
   return *s3_account;
 }
 

@@ -31,8 +31,9 @@ struct HttpConnections {
   // Throws Error as HttpTransfers.
   explicit HttpConnections(const RemoteOptions& options);
 
-  // That of S3, looked for once. Throws Error as findS3Account().
-  S3Account account();
+  // That of the bucket of a URL, looked for once. Throws Error as findS3Account() and
+  // findGoogleAccount().
+  S3Account account(const std::string& url);
 
   struct Ahead {
     HttpRanges* owner;

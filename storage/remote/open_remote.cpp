@@ -3,7 +3,6 @@
 #include "isobrick/storage/error.h"
 
 #if ISOBRICK_WITH_HTTP
-#include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/remote/http_ranges.h"
 #include "isobrick/storage/remote/s3_object.h"
 #endif
@@ -19,8 +18,7 @@ std::unique_ptr<RemoteRanges> askForRemoteRanges(const std::string& url, const F
                                                  const RemoteOptions& options,
                                                  std::shared_ptr<HttpConnections> connections) {
   std::unique_ptr<S3Object> object;
-  if (lowercase(url.substr(0, 5)) == "s3://")
-    object = std::make_unique<S3Object>(url, connections->account());
+  if (isBucketPath(url)) object = std::make_unique<S3Object>(url, connections->account(url));
   return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(object), first, options,
                                       std::move(connections));
 }

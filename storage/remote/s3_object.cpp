@@ -43,6 +43,26 @@ std::optional<Settings> sectionOf(const std::string& file, const std::string& se
   return settings;
 }
 
+// The server of an account, without a slash at its end.
+std::string endpointOf(std::string text, const char* variable) {
+  while (text.ends_with('/')) text.pop_back();
+  const std::string scheme = lowercase(text.substr(0, 8));
+  if (!text.empty() && !scheme.starts_with("http://") && !scheme.starts_with("https://"))
+    throw Error("the endpoint '" + text + "' is no URL; set " + variable +
+                " to one such as https://host:9000");
+  return text;
+}
+
+// Nothing if both are empty. Both come from `where`; `names` are what to set.
+std::optional<S3Keys> pairOf(std::string id, std::string secret, std::string token,
+                             const std::string& where,
+                             const char* names = "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY") {
+  if (id.empty() && secret.empty()) return std::nullopt;
+  if (id.empty() || secret.empty())
+    throw Error("of the keys for S3, " + where + " have one of two; give both of " + names);
+  return S3Keys{std::move(id), std::move(secret), std::move(token)};
+}
+
 class AccountFinder {
  public:
   explicit AccountFinder(const S3Surroundings& surroundings) : surroundings_(surroundings) {
@@ -75,12 +95,7 @@ class AccountFinder {
     if (account.region.empty()) account.region = "us-east-1";
     account.endpoint = firstOf({"AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"});
     if (account.endpoint.empty()) account.endpoint = setting("endpoint_url");
-    while (account.endpoint.ends_with('/')) account.endpoint.pop_back();
-    const std::string scheme = lowercase(account.endpoint.substr(0, 8));
-    if (!account.endpoint.empty() && !scheme.starts_with("http://") &&
-        !scheme.starts_with("https://"))
-      throw Error("the endpoint '" + account.endpoint +
-                  "' is no URL; set AWS_ENDPOINT_URL to one such as https://host:9000");
+    account.endpoint = endpointOf(account.endpoint, "AWS_ENDPOINT_URL");
     return account;
   }
 
@@ -111,15 +126,6 @@ class AccountFinder {
                       "export-credentials' prints");
     }
     return std::nullopt;
-  }
-
-  static std::optional<S3Keys> pairOf(std::string id, std::string secret, std::string token,
-                                      const std::string& where) {
-    if (id.empty() && secret.empty()) return std::nullopt;
-    if (id.empty() || secret.empty())
-      throw Error("of the keys for S3, " + where + " have one of two; give both of " +
-                  "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY");
-    return S3Keys{std::move(id), std::move(secret), std::move(token)};
   }
 
   std::string setting(const char* name) const {
@@ -197,13 +203,28 @@ S3Account findS3Account(const S3Surroundings& surroundings) {
   return AccountFinder(surroundings).account();
 }
 
+bool isGoogleUrl(const std::string& url) { return lowercase(url.substr(0, 5)) == "gs://"; }
+
+S3Account findGoogleAccount(const S3Surroundings& surroundings) {
+  S3Account account;
+  account.region = "auto";
+  account.keys = pairOf(surroundings.variable("GS_ACCESS_KEY_ID"),
+                        surroundings.variable("GS_SECRET_ACCESS_KEY"), "", "the variables",
+                        "GS_ACCESS_KEY_ID and GS_SECRET_ACCESS_KEY");
+  account.endpoint =
+      endpointOf(surroundings.variable("STORAGE_EMULATOR_HOST"), "STORAGE_EMULATOR_HOST");
+  if (account.endpoint.empty()) account.endpoint = "https://storage.googleapis.com";
+  return account;
+}
+
 S3Object::S3Object(const std::string& url, S3Account account) : account_(std::move(account)) {
   const std::string place = url.substr(std::min(url.size(), url.find("://") + 3));
   const std::size_t slash = place.find('/');
   bucket_ = place.substr(0, slash);
   if (slash != std::string::npos) key_ = place.substr(slash + 1);
   if (!isBucketName(bucket_) || key_.empty())
-    throw Error("cannot open '" + url + "': it names no object; give s3://bucket/key",
+    throw Error("cannot open '" + url + "': it names no object; give " +
+                    (isGoogleUrl(url) ? "gs" : "s3") + "://bucket/key",
                 {.path = url});
   if (account_.keys && hasDotSegment(key_))
     throw Error("cannot open '" + url + "': requests for a name with '.' or '..' between slashes " +

@@ -1,5 +1,5 @@
 // An object of S3: the URL behind s3://bucket/key, and the account that requests for it are signed
-// by.
+// by; and one of Google's storage, gs://bucket/key, which speaks the same language.
 #pragma once
 
 #include <functional>
@@ -44,12 +44,19 @@ S3Surroundings systemSurroundings();
 // one that says how to get keys (a role, single sign-on, a program) in place of keys.
 S3Account findS3Account(const S3Surroundings& surroundings);
 
+// True for gs://, in small or capital letters.
+bool isGoogleUrl(const std::string& url);
+// Keys are those for S3 that Google gives ("HMAC keys"): GS_ACCESS_KEY_ID and GS_SECRET_ACCESS_KEY;
+// else anonymous. The endpoint is that of STORAGE_EMULATOR_HOST, else Google's. Throws Error for
+// half of a pair.
+S3Account findGoogleAccount(const S3Surroundings& surroundings);
+
 // Amazon's own servers have the bucket in their name, other endpoints in the path; and so have
 // Amazon's for a bucket with a dot, which no certificate covers.
 // Thread-safe.
 class S3Object {
  public:
-  // `url` is s3://bucket/key. Throws Error if it is not.
+  // `url` is s3://bucket/key or gs://bucket/key. Throws Error if it is not.
   S3Object(const std::string& url, S3Account account);
 
   std::string url() const;

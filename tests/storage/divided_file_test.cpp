@@ -225,8 +225,9 @@ TEST(PyramidFile, NamesOfFilesOfADividedOne) {
   EXPECT_EQ(besidePath("https://u:p@h/b/index.isb?s=1/2", "x.isb"), "https://u:p@h/b/x.isb?s=1/2");
   EXPECT_EQ(besidePath("s3://bucket/a?b/index.isb", "x.isb"), "s3://bucket/a?b/x.isb");
   EXPECT_EQ(pyramidFileOf("https://h/a.isbs?s=1"), "https://h/a.isbs/index.isb?s=1");
-  for (const char* const store : {"https://h/a.ome.zarr", "s3://b/a.zarr/0", "http://h/A.ZARR/",
-                                  "https://h/image/", "https://h/a.zarr?s=1"})
+  for (const char* const store :
+       {"https://h/a.ome.zarr", "s3://b/a.zarr/0", "http://h/A.ZARR/", "https://h/image/",
+        "https://h/a.zarr?s=1", "gs://b/a.zarr", "https://h/a.ozx", "s3://b/a.zarr.zip/0"})
     EXPECT_TRUE(isRemoteVolume(store) && !isPyramidFile(store)) << store;
   for (const char* const pyramid : {"https://h/a.isb", "https://h/a.isbs/", "s3://b/a.zarr/a.isb",
                                     "https://h/download?id=a.zarr"})

@@ -169,6 +169,8 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
                              {"--vdb-tolerance", "3"},
                              {"--zarr-version", "2"},
                              {"--zarr-shard", "128"},
+                             {"--vdb-codec", "zip"},
+                             {"--part", "1/2"},
                              {"--codec", "zstd"},
                              {"--no-curvature"}}) {
     Words all{"convert", "head.isb", "-o", "a.nrrd"};
@@ -200,6 +202,8 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
   expectFailure(
       2, {"convert", "head.nii", "-o", "a.zarr", "--zarr-shard", "64", "--zarr-version", "2"},
       "Zarr 2 has no shards");
+  expectFailure(2, {"convert", "head.nii", "-o", "a.zarr", "--part", "1/2", "--zarr-version", "2"},
+                "Zarr 2 has no shards; leave out --part");
   expectFailure(2,
                 {"convert", "head.isb", "-o", "a.nii", "--raw-dims", "9,9,9", "--raw-type", "u8"},
                 "--raw-dims is for");

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
@@ -207,9 +208,22 @@ class GlobMatches {
 
 }  // namespace
 
+std::vector<std::pair<std::int64_t, std::string>> filesOfSequence(const std::string& word) {
+  std::vector<std::pair<std::int64_t, std::string>> files;
+  const auto name = parseNumberedName(word);
+  if (!name || isRemotePath(word) || isNameTaken(word)) return files;
+  for (const std::string& path : GlobMatches(name->before + "*" + name->after).paths()) {
+    if (!name->matches(path)) continue;
+    const std::size_t digits = path.size() - name->before.size() - name->after.size();
+    if (const auto number = numberIn<std::int64_t>(path.substr(name->before.size(), digits)))
+      files.emplace_back(*number, path);
+  }
+  return files;
+}
+
 bool isInputPattern(const std::string& word) {
-  return word.find_first_of("*?[") != std::string::npos && !isRemotePath(word) &&
-         !isNameTaken(word);
+  return (word.find_first_of("*?[") != std::string::npos || parseNumberedName(word)) &&
+         !isRemotePath(word) && !isNameTaken(word);
 }
 
 std::vector<std::string> expandInputs(const std::vector<std::string>& words) {
@@ -219,7 +233,9 @@ std::vector<std::string> expandInputs(const std::vector<std::string>& words) {
       inputs.push_back(word);
       continue;
     }
-    const std::vector<std::string> matches = GlobMatches(word).paths();
+    std::vector<std::string> matches;
+    for (const auto& [number, path] : filesOfSequence(word)) matches.push_back(path);
+    if (matches.empty()) matches = GlobMatches(word).paths();
     if (matches.empty())
       throw Error(
           fmt::format("nothing matches the input '{}'; check the folder and the pattern", word));

@@ -1,7 +1,9 @@
 // `isobrick build` for a list of volumes.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/build/build_one.h"
@@ -14,7 +16,12 @@ namespace isobrick {
 // results so far are printed.
 int runBuildBatch(const std::vector<BuildJob>& jobs, const BuildSettings& settings, bool json);
 
-// True if the word has a wildcard (*, ?, [...]) and no file has that very name.
+// The files of a sequence, "smoke.%04d.vdb", with their numbers; none for other words, and for a
+// name that a file has.
+std::vector<std::pair<std::int64_t, std::string>> filesOfSequence(const std::string& word);
+
+// True if the word has a wildcard (*, ?, [...]), or is the name of a sequence, and no file has that
+// very name.
 bool isInputPattern(const std::string& word);
 
 // Every pattern becomes the paths that match it, sorted; all other words stay as they are. Throws

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -27,6 +28,7 @@
 #include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
+#include "tools/extract_surface.h"
 #include "tools/output_check.h"
 #include "tools/output_names.h"
 #include "tools/parse_text.h"
@@ -87,7 +89,14 @@ std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
     job.output = withPlaceFilled(arguments.output, "name", inputStem(defaultOutputName(input)));
     if (job.output.empty())
       job.output = (fs::path(arguments.out_dir) / defaultOutputName(input)).string();
-    for (BuildJob& one : jobsOfMembers(job, arguments.settings)) jobs.push_back(std::move(one));
+    const std::vector<InputOptions> grids = inputsOfGrids(job.input);
+    for (const InputOptions& grid : grids) {
+      BuildJob of_grid = job;
+      of_grid.input = grid;
+      if (grids.size() > 1) of_grid.output = nameWith(job.output, grid.grids.front());
+      for (BuildJob& one : jobsOfMembers(of_grid, arguments.settings))
+        jobs.push_back(std::move(one));
+    }
   }
   return jobs;
 }
@@ -98,6 +107,13 @@ void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jo
   const BuildOptions& options = arguments.settings.options;
   if (options.tile_cells > options.brick_cells)
     throw UsageError("--tile is larger than --brick; a brick is made of tiles");
+  if (jobs.size() > 1 && !arguments.settings.cache_folder.empty())
+    throw UsageError("several grids are several pyramids; choose one with --select grid=NAME");
+  if (jobs.size() > 1 && arguments.isDivided())
+    throw UsageError(
+        fmt::format("--output names one pyramid, and there are {} grids; choose one "
+                    "with --select grid=NAME",
+                    jobs.size()));
   std::map<std::string, const InputOptions*> input_of;
   for (const BuildJob& job : jobs) {
     const std::string& input = job.input.path;
@@ -178,7 +194,7 @@ int runBuild(BuildArguments arguments) {
   if (arguments.isDivided())
     return runBuildDivided(jobs.front(), settings, arguments.part, arguments.json);
   // The output must not depend on how many files a pattern happens to match.
-  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()) ||
+  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()) || jobs.size() > 1 ||
       arguments.input.all_times || arguments.input.all_channels)
     return runBuildBatch(jobs, settings, arguments.json);
   const BuiltVolume built = buildOne(jobs.front(), settings);

@@ -23,6 +23,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote_options.h"
+#include "tools/build/build_batch.h"
 #include "tools/build/build_one.h"
 #include "tools/build/fitting_options.h"
 #include "tools/build/pyramid_options.h"
@@ -194,7 +195,14 @@ Opened openLevels(const ConvertArguments& arguments) {
     opened.nodes =
         openNodes(arguments, pyramid, first, first + static_cast<int>(levels.size()) - 1);
   } else {
-    levels.push_back(withViews(openShowingProgress(arguments.input, memory_bytes), arguments, 0));
+    const std::vector<InputOptions> inputs = inputsOfGrids(arguments.input);
+    for (const InputOptions& input : inputs) {
+      levels.push_back(
+          withViews(openShowingProgress(input, memory_bytes / inputs.size()), arguments, 0));
+      if (inputs.size() > 1 && levels.back()->info().format != "OpenVDB")
+        throw UsageError(fmt::format("several grids are of a .vdb, and '{}' is none; choose one",
+                                     arguments.input.path));
+    }
   }
   return opened;
 }
@@ -233,7 +241,10 @@ Converted convert(const ConvertArguments& arguments) {
     options.progress = [&](double share) { bar.show("convert", share); };
     options.memory_bytes = arguments.build.memory_bytes;
     options.before_publishing = [&] { input.checkContent(); };
-    const std::uint64_t held = source.bufferBytes();
+    std::uint64_t held = source.bufferBytes();
+    // Levels of a pyramid have one pager.
+    for (std::size_t i = 1; i < converted.levels && !isPyramid(arguments.input.path); ++i)
+      held += levels[i]->bufferBytes();
     constexpr std::uint64_t kLeast = std::uint64_t{8} << 20;
     if (held > options.memory_bytes || options.memory_bytes - held < kLeast)
       throw Error(fmt::format("'{}' takes {} to be read, and {} more to be written",
@@ -281,7 +292,9 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
       "{}: {}x{}x{} {} voxels{}, world in {}, unit of length {}; {} in {:.2f} s, {:.0f} MB/s\n",
       oneLine(arguments.output), volume.voxels.x, volume.voxels.y, volume.voxels.z,
       voxelTypeName(volume.voxel_type),
-      converted.levels > 1 ? fmt::format(" in {} levels", converted.levels) : "",
+      converted.levels > 1 ? fmt::format(" in {} {}", converted.levels,
+                                         arguments.input.grids.empty() ? "levels" : "grids")
+                           : "",
       converted.report.space, lengthUnitName(volume.geometry.unit),
       byteSizeText(converted.report.bytes), converted.seconds,
       static_cast<double>(volumeBytes(volume)) / 1e6 / std::max(converted.seconds, 1e-9));
@@ -289,12 +302,23 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
 }
 
 void checkUsage(const ConvertArguments& arguments) {
-  refuseKnownMisfits(arguments.input);
+  refuseKnownMisfits(inputsOfGrids(arguments.input).front());
   if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
+  if (const std::size_t grids = inputsOfGrids(arguments.input).size(); grids > 1) {
+    if (!hasEnding(arguments.output, ".vdb"))
+      throw UsageError(
+          fmt::format("{} grids go into one .vdb; choose one for other formats, with "
+                      "--select grid=NAME",
+                      grids));
+    if (arguments.box)
+      throw UsageError("--box is of one grid, and several have voxels of their own; choose one");
+  }
   refuseUnfitOutputOptions(*arguments.input.parser, arguments.output);
-  if (arguments.write.zarr_version == 2 &&
-      findOption(*arguments.input.parser, "--zarr-shard")->count() > 0)
-    throw UsageError("Zarr 2 has no shards; leave out --zarr-shard or --zarr-version 2");
+  for (const char* const option : {"--zarr-shard", "--part"})
+    if (arguments.write.zarr_version == 2 &&
+        findOption(*arguments.input.parser, option)->count() > 0)
+      throw UsageError(
+          fmt::format("Zarr 2 has no shards; leave out {} or --zarr-version 2", option));
   if ((arguments.with_ranges || arguments.with_curvature) &&
       (arguments.window || arguments.input.spacing || arguments.input.origin))
     throw UsageError(
@@ -310,14 +334,40 @@ void checkUsage(const ConvertArguments& arguments) {
         "--type makes integers of the values within --window LO,HI; give it, or --type f32");
 }
 
-int runConvert(ConvertArguments& arguments) {
-  checkUsage(arguments);
-  const Converted converted = runWithThreads(arguments.threads, [&] { return convert(arguments); });
+// One, or one for each file of a sequence, whose number is that of its output.
+std::vector<ConvertArguments> conversionsOf(const ConvertArguments& arguments) {
+  const auto files = filesOfSequence(arguments.input.path);
+  if (files.empty()) return {arguments};
+  const std::optional<NumberedName> name = parseNumberedName(arguments.output);
+  if (!name)
+    throw UsageError(
+        fmt::format("'{}' names {} files; the output's name needs a place for their "
+                    "numbers, too: out.%04d.vdb",
+                    arguments.input.path, files.size()));
+  std::vector<ConvertArguments> conversions;
+  for (const auto& [number, path] : files) {
+    conversions.push_back(arguments);
+    conversions.back().input.path = path;
+    conversions.back().output = name->of(number);
+  }
+  return conversions;
+}
+
+int runConvert(const ConvertArguments& arguments) {
+  Json all = Json::array();
+  const std::vector<ConvertArguments> conversions = conversionsOf(arguments);
+  for (const ConvertArguments& one : conversions) {
+    checkUsage(one);
+    const Converted converted = runWithThreads(one.threads, [&] { return convert(one); });
+    if (one.json)
+      all.push_back(jsonOfConverted(one, converted));
+    else
+      printConverted(one, converted);
+    warnOfLosses(one.output, converted.report.lost);
+  }
   if (arguments.json)
-    printJson(jsonOfConverted(arguments, converted));
-  else
-    printConverted(arguments, converted);
-  warnOfLosses(arguments.output, converted.report.lost);
+    printJson(conversions.front().input.path == arguments.input.path ? all.front()
+                                                                     : Json{{"volumes", all}});
   return 0;
 }
 
@@ -344,6 +394,11 @@ void addVdbOptions(CLI::App& app, ExportOptions& options) {
       app, "--vdb-tolerance", options.vdb_tolerance, parseTolerance, "T",
       "Voxels no further than T from the background are not stored in a .vdb; default: 0");
   app.add_flag("--half", options.vdb_half, "Half floats in a .vdb");
+  app.add_option("--vdb-codec", options.vdb_codec,
+                 "How the values of a .vdb are packed: blosc, zip (neither level sets nor fog) or "
+                 "none; default: blosc, if OpenVDB has it")
+      ->type_name("C")
+      ->check(CLI::IsMember({"blosc", "zip", "none"}));
 }
 
 void addZarrOptions(CLI::App& app, ExportOptions& options) {
@@ -364,6 +419,9 @@ void addZarrOptions(CLI::App& app, ExportOptions& options) {
   addParsedOption(app, "--zarr-shard", options.zarr_shard, parseShard, "VOXELS",
                   "Voxels of a shard along each axis, for .ome.zarr of version 3: a multiple of "
                   "64; default: 512");
+  addParsedOption(app, "--part", options.zarr_part, parseShare, "I/N",
+                  "Write share I of N of the shards, I from 1, into a folder beside the .ome.zarr, "
+                  "in any order and on any machine; the run that finds all N there joins them");
 }
 
 }  // namespace
@@ -373,9 +431,10 @@ Command addConvertCommand(CLI::App& app) {
   const auto arguments = std::make_shared<ConvertArguments>();
   arguments->build.memory_bytes = kDefaultMemoryBytes;
   arguments->build.keep_unfinished = false;  // there is no --resume
-  sub->add_option("IN", arguments->input.path,
-                  "Pyramid (.isb), also behind http://, https:// or s3://; or a volume in any "
-                  "format that `build` reads, OME-Zarr also behind such a URL")
+  sub->add_option(
+         "IN", arguments->input.path,
+         "Pyramid (.isb), also behind a URL; or a volume in any format that `build` reads, "
+         "OME-Zarr also behind a URL; a sequence, in.%04d.vdb, becomes out.%04d.vdb")
       ->type_name("PATH")
       ->required();
   beginGroup(*sub, kOutputGroup);

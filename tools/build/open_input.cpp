@@ -56,8 +56,8 @@ struct SelectKey {
   void (*set)(InputOptions&, const std::string&);
 };
 constexpr SelectKey kSelectKeys[] = {
-    {"array", [](InputOptions& o, const std::string& value) { o.grid = value; }},
-    {"grid", [](InputOptions& o, const std::string& value) { o.grid = value; }},
+    {"array", [](InputOptions& o, const std::string& value) { o.grids.push_back(value); }},
+    {"grid", [](InputOptions& o, const std::string& value) { o.grids.push_back(value); }},
     {"series", [](InputOptions& o, const std::string& value) { o.series = value; }},
     {"time",
      [](InputOptions& o, const std::string& value) { takeOneOrAll(value, o.time, o.all_times); }},
@@ -81,7 +81,31 @@ void select(InputOptions& options, const std::string& word) {
   throw std::invalid_argument(fmt::format("'{}' is none of {}", word.substr(0, equals), keys));
 }
 
+bool asksForAllGrids(const InputOptions& input) {
+  return std::find(input.grids.begin(), input.grids.end(), "all") != input.grids.end();
+}
+
 }  // namespace
+
+std::vector<InputOptions> inputsOfGrids(const InputOptions& input) {
+  std::vector<std::string> names = input.grids;
+  if (asksForAllGrids(input)) {
+    InputOptions any = input;
+    any.grids.clear();
+    names = gridNames(input.path, openOptionsOf(any));
+    if (names.empty())
+      throw UsageError(
+          fmt::format("--select grid=all is for .vdb files with grids of numbers, and '{}' is none",
+                      input.path));
+  }
+  if (names.empty()) return {input};
+  std::vector<InputOptions> inputs;
+  for (const std::string& name : names) {
+    inputs.push_back(input);
+    inputs.back().grids = {name};
+  }
+  return inputs;
+}
 
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options) {
   app.add_option("INPUT", paths,
@@ -143,7 +167,11 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   if (!input.derivation.isNone() && !options.pyramid_level) options.pyramid_level = 0;
   options.derivation = input.derivation;
   options.keep_numbers = input.keep_numbers;
-  options.grid = input.grid;
+  if (input.grids.size() > 1 || asksForAllGrids(input))
+    throw UsageError(
+        "several grids go into pyramids of their own, or into one .vdb; choose one of "
+        "them with --select grid=NAME");
+  if (!input.grids.empty()) options.grid = input.grids.front();
   options.time = input.time;
   options.channel = input.channel;
   options.image = input.image;

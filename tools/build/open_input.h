@@ -18,7 +18,7 @@ struct InputOptions {
   RawLayout raw;                   // everything but the dimensions
   std::string raw_endian = "little";
   bool dicom_float32 = false;
-  std::string grid;
+  std::vector<std::string> grids;  // of a file with several; "all": each of them
   std::optional<std::int64_t> time, channel, image;
   bool all_times = false, all_channels = false;  // each of them; see jobsOfMembers()
   std::optional<ComponentChoice> component;
@@ -35,7 +35,12 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
 // The --raw-... options and all others for opening an input, without the inputs.
 void addOpenOptions(CLI::App& app, InputOptions& options);
 
-// The options of opening the volume that these words give.
+// The input with each of the grids that it asks for, in the order of the words or of the file; the
+// input itself if it asks for one, or for none. Reads the file's headers for "all", and throws what
+// that throws, and UsageError for a file that has no grids.
+std::vector<InputOptions> inputsOfGrids(const InputOptions& input);
+
+// The options of opening the volume that these words give. Throws UsageError for several grids.
 OpenOptions openOptionsOf(const InputOptions& input);
 
 // Throws Error for files whose names show that they are not supported, and UsageError for files

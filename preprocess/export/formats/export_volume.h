@@ -8,12 +8,13 @@
 
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/share_number.h"
 
 namespace isobrick {
 
 // The levels to export, finest first: one, or as many as the pyramid has. Spacing doubles from
 // one to the next, the origin is the same. For .vdb, sources of nodes (makeNodeSource()) may
-// follow.
+// follow; or all are grids of OpenVDB files, each at a place of its own.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
 // How a volume is written, with the choices that some formats have beside.
@@ -25,11 +26,18 @@ struct ExportOptions : VolumeWriteOptions {
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
   // lose nothing, are always written so.
   bool vdb_half = false;
+  // OpenVDB: "blosc", "zip" or "none"; empty: Blosc if OpenVDB has it.
+  std::string vdb_codec = {};
   // OME-Zarr: 3 writes version 0.5 (Zarr 3, chunks of 64 voxels an axis in shards), 2 writes 0.4
   // (Zarr 2, a file for each chunk).
   int zarr_version = 3;
   // Of version 3: voxels of a shard along each axis, a multiple of 64.
   std::int64_t zarr_shard = 512;
+  // Of version 3: only this share of the shards, into a folder beside the output
+  // ("scan.ome.zarr.part-3-of-8"). Processes may write theirs at any time, each the shards of its
+  // own; the one that finds all of them there makes the output, byte for byte that of one process,
+  // and removes them. Throws Error if one is of another volume, or of other options.
+  std::optional<ShareNumber> zarr_part = {};
   // Values may change by more than a thousandth of their range if the format's types do not hold
   // them; without it that is refused, once all are known.
   bool is_lossy = false;

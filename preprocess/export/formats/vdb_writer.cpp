@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <map>
 #include <optional>
 #include <sstream>
 #include <string_view>
@@ -46,7 +47,10 @@ std::optional<Index3> indexOf(const std::string& text) {
   return index;
 }
 
-VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOptions& options) {
+// Rather than a level of a pyramid.
+bool isOwnGrid(const VolumeInfo& info) { return info.format == "OpenVDB"; }
+
+VdbGridPlan planGrid(const VolumeInfo& info, std::size_t number, const ExportOptions& options) {
   VdbGridPlan plan;
   if (const std::string nodes = propertyOf(info, "nodes"); !nodes.empty()) {
     // Bounds are neither rounded nor taken for the background.
@@ -56,6 +60,7 @@ VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOpti
     plan.saves_half = voxelBytes(info.voxel_type) == 1;
     return plan;
   }
+  const std::size_t level = isOwnGrid(info) ? 0 : number;
   plan.level = static_cast<int>(level);
   plan.name = propertyOf(info, "name");
   if (plan.name.empty()) plan.name = "density";
@@ -151,7 +156,13 @@ openvdb::FloatGrid::Ptr gridWithoutVoxels(const VolumeInfo& info, const VdbGridP
 // Writes the file as OpenVDB's own archives do, but takes the leaves as they were packed.
 class VdbArchive : private openvdb::io::Archive {
  public:
-  explicit VdbArchive(std::ostream& out) : out_(out) {}
+  VdbArchive(std::ostream& out, const std::string& codec) : out_(out) {
+    using namespace openvdb::io;
+    // Whatever packs the values, those of voxels that are not active are left out.
+    if (codec == "blosc") setCompression(COMPRESS_ACTIVE_MASK | COMPRESS_BLOSC);
+    if (codec == "zip") setCompression(COMPRESS_ACTIVE_MASK | COMPRESS_ZIP);
+    if (codec == "none") setCompression(COMPRESS_ACTIVE_MASK);
+  }
 
   void writeHead(std::size_t grids) {
     writeHeader(out_, true);
@@ -167,9 +178,13 @@ class VdbArchive : private openvdb::io::Archive {
     return openvdb::io::getDataCompression(nowhere);
   }
 
-  // `writeLeaves` writes the contents of all leaves.
+  // `writeLeaves` writes the contents of all leaves. Of grids with one name, OpenVDB counts those
+  // from the second on in a suffix that it does not show.
   void writeGrid(const openvdb::FloatGrid& grid, const std::function<void()>& writeLeaves) {
-    openvdb::io::GridDescriptor descriptor(grid.getName(), grid.type(), grid.saveFloatAsHalf());
+    std::string name = grid.getName();
+    if (const int before = names_[name]++; before > 0)
+      name = openvdb::io::GridDescriptor::addSuffix(name, before);
+    openvdb::io::GridDescriptor descriptor(name, grid.type(), grid.saveFloatAsHalf());
     descriptor.writeHeader(out_);
     const auto places = out_.tellp();
     descriptor.writeStreamPos(out_);
@@ -188,6 +203,7 @@ class VdbArchive : private openvdb::io::Archive {
 
  private:
   std::ostream& out_;
+  std::map<std::string, int> names_;  // how many grids have each so far
 };
 
 // What becomes of values, a line each.
@@ -216,6 +232,8 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
   for (std::size_t i = 0; i < levels.size(); ++i)
     if (const VdbGridPlan plan = planGrid(levels[i]->info(), i, options); plan.saves_half)
       plan.refuseBeyondHalf(plan.background, path);
+  if (options.vdb_codec == "blosc" && !openvdb::io::Archive::hasBloscCompression())
+    throw unwritable(path, "this OpenVDB was built without Blosc; choose another codec");
   const VdbUnit unit = unitFor(levels.front()->info().geometry, path);
   if (unit.per_unit != 1)
     report.lost.push_back("lengths are in " + unit.name + ", as OpenVDB takes no grid that is so " +
@@ -233,7 +251,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
   std::ofstream out(file.temporaryPath(), std::ios::binary | std::ios::in | std::ios::out);
   out.exceptions(std::ios::failbit | std::ios::badbit);
   try {
-    VdbArchive archive(out);
+    VdbArchive archive(out, options.vdb_codec);
     archive.writeHead(levels.size());
     for (std::size_t i = 0; i < levels.size(); ++i) {
       const VolumeInfo& info = levels[i]->info();
@@ -244,11 +262,13 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
       };
       // OpenVDB has loops of its own, also when a tree is destroyed.
       isolatedFor(0, 1, [&](int) {
-        const auto grid = gridWithoutVoxels(info, plan, unit);
+        const auto grid =
+            gridWithoutVoxels(info, plan, isOwnGrid(info) ? unitFor(info.geometry, path) : unit);
         VdbPackedLeaves leaves(folderOf(path));
         makeVdbTree(
             *levels[i], plan, archive.compressionOf(*grid), path, options,
             [&](double done) { tick(kPacking * done); }, *grid, leaves);
+        grid->addStatsMetadata();  // by which other programs say what the file holds
         archive.writeGrid(*grid, [&] {
           leaves.appendTo(out, grid->tree(), options,
                           [&](double done) { tick(kPacking + (1 - kPacking) * done); });

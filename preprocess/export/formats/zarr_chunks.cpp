@@ -110,6 +110,10 @@ Index3 zarrShardOf(const VolumeInfo& info, const ExportOptions& options) {
   return glm::min(Index3(options.zarr_shard / kZarrChunkVoxels), chunks) * kZarrChunkVoxels;
 }
 
+Index3 zarrShardsOf(const VolumeInfo& info, const ExportOptions& options) {
+  return (info.voxels - Index3(1)) / zarrShardOf(info, options) + Index3(1);
+}
+
 std::uint64_t writeZarrChunks(const VolumeSource& source, AtomicFolder& folder,
                               const std::string& level, const ExportOptions& options,
                               const ZarrTick& tick) {
@@ -139,7 +143,7 @@ std::uint64_t writeZarrChunks(const VolumeSource& source, AtomicFolder& folder,
 
 std::uint64_t writeZarrShards(const VolumeSource& source, AtomicFolder& folder,
                               const std::string& level, const ExportOptions& options,
-                              const ZarrTick& tick) {
+                              const NumberRun& numbers, const ZarrTick& tick) {
   const VolumeInfo& info = source.info();
   const Index3 chunks = BrickLayout::ceilDivide(info.voxels, kZarrChunkVoxels);
   const Index3 per_shard = zarrShardOf(info, options) / kZarrChunkVoxels;
@@ -149,13 +153,16 @@ std::uint64_t writeZarrShards(const VolumeSource& source, AtomicFolder& folder,
   constexpr std::uint64_t kMostAtOnce = 256;
   std::vector<Bytes> packed(std::clamp<std::uint64_t>(options.memory_bytes / room, 1, kMostAtOnce));
   std::uint64_t bytes = 0;
-  std::int64_t done = 0;
-  forEachIndex({Index3(0), (chunks - Index3(1)) / per_shard + Index3(1)}, [&](const Index3& at) {
+  for (std::size_t done = 0; done < numbers.count; ++done) {
+    const Index3 at =
+        indexAt(static_cast<std::int64_t>(numbers.first + done), zarrShardsOf(info, options));
     const Index3 first = at * per_shard;
     const Index3 count = glm::min(per_shard, chunks - first);
     ShardWriter shard(folder, concat(level, "/c/", at.z, "/", at.y, "/", at.x),
                       elementCount(per_shard));
     const std::int64_t all = elementCount(count);
+    source.announce(intersectionOf({first * kZarrChunkVoxels, count * kZarrChunkVoxels},
+                                   {Index3(0), info.voxels}));
     for (std::int64_t begin = 0; begin < all;) {
       const std::int64_t batch = std::min(all - begin, static_cast<std::int64_t>(packed.size()));
       isolatedForEach(std::int64_t{0}, batch, [&](std::int64_t i) {
@@ -169,11 +176,11 @@ std::uint64_t writeZarrShards(const VolumeSource& source, AtomicFolder& folder,
         Bytes().swap(one);
       }
       begin += batch;
-      done += batch;
-      tick(static_cast<double>(done) / static_cast<double>(elementCount(chunks)));
+      tick((static_cast<double>(done) + static_cast<double>(begin) / static_cast<double>(all)) /
+           static_cast<double>(numbers.count));
     }
     bytes += shard.finish();
-  });
+  }
   return bytes;
 }
 

@@ -28,6 +28,9 @@ inline constexpr ZarrPacking kZarr3Packing{"zstd", 1};
 // than the volume has.
 Index3 zarrShardOf(const VolumeInfo& info, const ExportOptions& options);
 
+// Shards of that size along each axis.
+Index3 zarrShardsOf(const VolumeInfo& info, const ExportOptions& options);
+
 // Both write into the folder `level` of the output, which is there. Chunks and shards of nothing
 // but 0 are left out. `tick` is called with the share of the level that is done, by one thread at a
 // time. Return the bytes written. Throw what the source and AtomicFolder throw, and Cancelled.
@@ -39,9 +42,10 @@ std::uint64_t writeZarrChunks(const VolumeSource& source, AtomicFolder& folder,
                               const ZarrTick& tick);
 // Zarr 3: "c/z/y/x" for each shard, one after another, with its index at the end. The chunks of a
 // shard are packed side by side, as many as options.memory_bytes has room for, and lie in the file
-// in the order of the index: its bytes depend neither on threads nor on memory.
+// in the order of the index: its bytes depend neither on threads nor on memory. Only those shards
+// that `numbers` has, x fastest.
 std::uint64_t writeZarrShards(const VolumeSource& source, AtomicFolder& folder,
                               const std::string& level, const ExportOptions& options,
-                              const ZarrTick& tick);
+                              const NumberRun& numbers, const ZarrTick& tick);
 
 }  // namespace isobrick

@@ -1,5 +1,7 @@
 #include <array>
+#include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -8,7 +10,11 @@
 #include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/formats/zarr_chunks.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/file_system.h"
+#include "isobrick/storage/share_number.h"
 
 namespace isobrick {
 namespace {
@@ -112,6 +118,57 @@ Json imageMetadata(const VolumeLevels& levels, bool is_version2) {
           {"isobrick", own}};
 }
 
+// Returns their bytes.
+std::uint64_t writeDocuments(const Json& documents, AtomicFolder& folder) {
+  std::uint64_t bytes = 0;
+  for (const auto& [name, document] : documents.items()) {
+    const std::string text = jsonText(document);
+    folder.makeFolder(std::filesystem::path(name).parent_path().string());
+    folder.writeFile(name, text.data(), text.size());
+    bytes += text.size();
+  }
+  return bytes;
+}
+
+// The folder of a part, "scan.ome.zarr.part-3-of-8". In place of the metadata it has one document
+// with all of them: so nothing takes it for the whole, and parts of other volumes are noticed.
+std::string folderOfPart(const std::string& path, std::uint32_t part, std::uint32_t parts) {
+  return concat(path, ".part-", part, "-of-", parts);
+}
+constexpr char kPartDocument[] = "isobrick-part.json";
+
+// If all parts are there, puts their files into the output, and removes them.
+void joinParts(const Json& documents, const std::string& path, std::uint32_t parts,
+               const ExportOptions& options, VolumeWriteReport& report) {
+  for (std::uint32_t part = 1; part <= parts; ++part) {
+    const std::string name = folderOfPart(path, part, parts) + "/" + kPartDocument;
+    if (!isRegularFile(name)) {
+      report.lost.push_back(concat("this is one of ", parts,
+                                   " parts; the run that finds all of them there makes the whole"));
+      return;
+    }
+    std::ifstream file(name, std::ios::binary);
+    if (Json::parse(file, nullptr, false) != documents)
+      throw unwritable(path, "its part ", part, " of ", parts,
+                       " is of another volume, or was written with other options; remove it");
+  }
+  // Of two runs that find all of them, one does it.
+  const std::string first = folderOfPart(path, 1, parts) + "/" + kPartDocument;
+  if (std::rename(first.c_str(), (first + ".joined").c_str()) != 0) return;
+  AtomicFolder folder(path);
+  for (std::uint32_t part = 1; part <= parts; ++part) {
+    const std::string from = folderOfPart(path, part, parts);
+    for (const auto& file : std::filesystem::recursive_directory_iterator(from)) {
+      checkCancel(options);
+      const std::filesystem::path name = file.path().lexically_relative(from);
+      if (file.is_regular_file() && name.has_parent_path()) folder.takeFile(file.path(), name);
+    }
+  }
+  writeDocuments(documents, folder);
+  folder.commit(options.cancel);
+  for (std::uint32_t part = 1; part <= parts; ++part) removeTree(folderOfPart(path, part, parts));
+}
+
 }  // namespace
 
 VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
@@ -123,18 +180,15 @@ VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
     report.lost.push_back(
         "OME-Zarr has no direction; it is kept in the attribute 'isobrick', which other programs "
         "ignore");
-  AtomicFolder folder(path);
-  const auto writeJson = [&](const std::string& name, const Json& json) {
-    const std::string text = jsonText(json);
-    folder.writeFile(name, text.data(), text.size());
-    report.bytes += text.size();
-  };
+  const ShareNumber part = options.zarr_part.value_or(ShareNumber{});
+  AtomicFolder folder(options.zarr_part ? folderOfPart(path, part.number, part.of) : path);
+  Json documents = Json::object();
   const Json image = imageMetadata(levels, is_version2);
   if (is_version2) {
-    writeJson(".zgroup", {{"zarr_format", 2}});
-    writeJson(".zattrs", image);
+    documents[".zgroup"] = {{"zarr_format", 2}};
+    documents[".zattrs"] = image;
   } else {
-    writeJson("zarr.json", {{"zarr_format", 3}, {"node_type", "group"}, {"attributes", image}});
+    documents["zarr.json"] = {{"zarr_format", 3}, {"node_type", "group"}, {"attributes", image}};
   }
   double total = 0, before = 0;
   for (const auto& level : levels) total += static_cast<double>(volumeBytes(level->info()));
@@ -143,19 +197,25 @@ VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
     const VolumeInfo& info = levels[i]->info();
     const double share = static_cast<double>(volumeBytes(info));
     const std::string level = std::to_string(i);
-    folder.makeFolder(level);
-    if (is_version2)
-      writeJson(level + "/.zarray", arrayOfVersion2(info));
-    else
-      writeJson(level + "/zarr.json", arrayOfVersion3(info, zarrShardOf(info, options)));
-    const auto write = is_version2 ? writeZarrChunks : writeZarrShards;
-    report.bytes += write(*levels[i], folder, level, options, [&](double done) {
+    const auto tick = [&](double done) {
       if (options.progress) options.progress((before + share * done) / total);
-    });
+    };
+    if (is_version2) {
+      documents[level + "/.zarray"] = arrayOfVersion2(info);
+      report.bytes += writeZarrChunks(*levels[i], folder, level, options, tick);
+    } else {
+      documents[level + "/zarr.json"] = arrayOfVersion3(info, zarrShardOf(info, options));
+      const auto shards = static_cast<std::size_t>(elementCount(zarrShardsOf(info, options)));
+      report.bytes +=
+          writeZarrShards(*levels[i], folder, level, options, runOfShare(shards, part), tick);
+    }
     before += share;
   }
+  report.bytes += writeDocuments(
+      options.zarr_part ? Json::object({{kPartDocument, documents}}) : documents, folder);
   if (options.before_publishing) options.before_publishing();
   folder.commit(options.cancel);
+  if (options.zarr_part) joinParts(documents, path, part.of, options, report);
   return report;
 }
 

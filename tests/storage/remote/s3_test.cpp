@@ -31,14 +31,16 @@ struct Surroundings {
   std::map<std::string, std::string> variables{{"HOME", "/home/ann"}};
   std::map<std::string, std::string> files;
 
-  S3Account account() const {
+  S3Surroundings all() const {
     const auto valueIn = [](const auto& map, const std::string& name) {
       const auto found = map.find(name);
       return found == map.end() ? std::string() : found->second;
     };
-    return findS3Account({[&](const std::string& name) { return valueIn(variables, name); },
-                          [&](const std::string& path) { return valueIn(files, path); }});
+    return {[=, this](const std::string& name) { return valueIn(variables, name); },
+            [=, this](const std::string& path) { return valueIn(files, path); }};
   }
+  S3Account account() const { return findS3Account(all()); }
+  S3Account google() const { return findGoogleAccount(all()); }
 };
 
 TEST(S3Account, IsAnonymousByDefault) {
@@ -70,6 +72,24 @@ TEST(S3Account, IsThatOfTheVariables) {
   EXPECT_FALSE(account.keys);
   EXPECT_EQ(account.region, "eu-west-2");
   EXPECT_EQ(account.endpoint, "https://s3.here");
+}
+
+TEST(GoogleAccount, IsThatOfItsOwnVariables) {
+  Surroundings around;
+  around.variables["AWS_ACCESS_KEY_ID"] = "other";
+  around.variables["AWS_SECRET_ACCESS_KEY"] = "secret";
+  EXPECT_FALSE(around.google().keys);
+  EXPECT_EQ(S3Object("gs://scans/a b.isb", around.google()).url(),
+            "https://storage.googleapis.com/scans/a%20b.isb");
+  around.variables["GS_ACCESS_KEY_ID"] = "id";
+  EXPECT_THROW(around.google(), Error);
+  around.variables["GS_SECRET_ACCESS_KEY"] = "secret";
+  ASSERT_TRUE(around.google().keys);
+  EXPECT_EQ(around.google().keys->id, "id");
+  around.variables["STORAGE_EMULATOR_HOST"] = "http://127.0.0.1:9000/";
+  EXPECT_EQ(S3Object("GS://scans/a.isb", around.google()).url(),
+            "http://127.0.0.1:9000/scans/a.isb");
+  EXPECT_THROW(S3Object("gs://scans", around.google()), Error);
 }
 
 TEST(S3Account, IsThatOfTheProfile) {

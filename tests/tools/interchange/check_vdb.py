@@ -1,6 +1,7 @@
 """OpenVDB against pyopenvdb."""
 import itertools
 import json
+import os
 import subprocess
 
 import numpy as np
@@ -84,6 +85,96 @@ def test_values_mask_background_class_name_and_transform_come_back_from_a_pyrami
     found, about = raw_of("theirs.vdb", "--select", "grid=mask")
     assert about["voxel_type"] == "uint8" and found.sum() == 9 * 8 * 7
     run("convert", "theirs.vdb", "-o", "x.raw", "--select", "grid=fire", fails_with="'smoke' (float)")
+
+
+def three_grids():
+    ball = vdb.createLevelSetSphere(7.3, (3, 4, 5), 0.5, 3.0)
+    ball.name = "ball"
+    smoke = vdb.FloatGrid(0.25)
+    smoke.name, smoke.gridClass = "smoke", vdb.GridClass.FOG_VOLUME
+    smoke.copyFromArray(np.random.default_rng(5).integers(1, 9, (9, 20, 17)).astype("f4"), ijk=(-3, 5, 100))
+    smoke.transform = vdb.createLinearTransform(0.3)
+    flow = vdb.Vec3SGrid()
+    flow.name = "flow"
+    flow.fill((1, 2, 3), (4, 4, 4), (1.0, 2.0, 3.0))
+    return ball, flow, smoke
+
+
+def expect_same(back, grid):
+    """Values, active voxels, band, class, background and place."""
+    assert back.gridClass == grid.gridClass and back.background == grid.background
+    assert back.activeVoxelCount() == grid.activeVoxelCount()
+    assert back.evalActiveVoxelBoundingBox() == grid.evalActiveVoxelBoundingBox()
+    np.testing.assert_allclose(back.transform.indexToWorld((1, 2, 3)), grid.transform.indexToWorld((1, 2, 3)))
+    low, high = grid.evalActiveVoxelBoundingBox()
+    shape = tuple(b - a + 1 for a, b in zip(low, high))
+    values, found = np.empty(shape, "f4"), np.empty(shape, "f4")
+    grid.copyToArray(values, ijk=low)
+    back.copyToArray(found, ijk=low)
+    np.testing.assert_array_equal(found, values)
+
+
+def test_several_grids_of_a_file_go_into_one():
+    ball, flow, smoke = three_grids()
+    vdb.write("three.vdb", [ball, flow, smoke])
+    for words in (["grid=all"], ["grid=ball", "grid=smoke"], ["grid=0", "grid=2"]):
+        selected = [part for word in words for part in ("--select", word)]
+        run("convert", "three.vdb", *selected, "-o", "both.vdb", "--force")
+        assert [grid.name for grid in vdb.readAllGridMetadata("both.vdb")] == ["ball", "smoke"]
+        for grid in (ball, smoke):
+            expect_same(vdb.read("both.vdb", grid.name), grid)
+    about = run("info", "three.vdb", "--json")
+    assert "of 3 grids, 'ball' was taken; the others are 'flow' (vec3s), 'smoke' (float)" in str(about["notes"]), about
+    # A pyramid of each.
+    run("build", "three.vdb", "--select", "grid=all", "-o", "each.isb")
+    assert [name for name in sorted(os.listdir(".")) if name.startswith("each")] == ["each-ball.isb", "each-smoke.isb"]
+    # A level set has its band and its inside also by way of a pyramid.
+    run("build", "three.vdb", "--select", "grid=0", "-o", "ball.isb")
+    run("convert", "ball.isb", "-o", "back.vdb", "--force")
+    back = vdb.read("back.vdb", "ball")
+    expect_same(back, ball)
+    assert back.getConstAccessor().getValue((6, 8, 10)) == -1.5 and back.getConstAccessor().getValue((99, 0, 0)) == 1.5
+    for words in (["-o", "x.nrrd"], ["-o", "x.vdb", "--box", "0,0,0,3,3,3"]):
+        result = subprocess.run([ISOBRICK, "convert", "three.vdb", "--select", "grid=all", *words], capture_output=True)
+        assert result.returncode == 2 and b"choose one" in result.stderr, result
+
+
+def test_other_programs_say_what_a_file_holds():
+    ball, _, smoke = three_grids()
+    vdb.write("theirs.vdb", [ball, smoke])
+    run("convert", "theirs.vdb", "--select", "grid=all", "-o", "ours.vdb", "--force")
+    theirs, ours = ({grid.name: grid for grid in vdb.readAllGridMetadata(name)} for name in ("theirs.vdb", "ours.vdb"))
+    for name in ("ball", "smoke"):
+        for key in ("file_voxel_count", "file_bbox_min", "file_bbox_max", "class"):
+            assert ours[name].metadata[key] == theirs[name].metadata[key], (name, key)
+
+
+def test_values_are_packed_as_asked():
+    fog = vdb.FloatGrid(0)
+    fog.name = "density"
+    fog.copyFromArray(np.add.outer(np.arange(64), np.add.outer(np.arange(64), np.arange(64))).astype("f4"))
+    vdb.write("fog.vdb", [fog])
+    sizes = {}
+    for words in (["none"], ["zip"], ["blosc"], ["blosc", "--half"]):
+        run("convert", "fog.vdb", "-o", "x.vdb", "--vdb-codec", *words, "--force")
+        expect_same(vdb.read("x.vdb", "density"), fog)  # whole numbers up to 2048 are halves too
+        sizes[" ".join(words)] = os.path.getsize("x.vdb")
+    assert max(sizes["zip"], sizes["blosc"], sizes["blosc --half"]) < sizes["none"], sizes
+
+
+def test_a_sequence_is_converted_file_by_file():
+    for step in (3, 10):
+        ball = vdb.createLevelSetSphere(2 + step / 10, (0, 0, 0), 0.5, 3.0)
+        ball.name = "ball"
+        vdb.write(f"run.{step:04}.vdb", [ball])
+    about = run("convert", "run.%04d.vdb", "-o", "out.%03d.vdb", "--json")
+    assert [one["output"] for one in about["volumes"]] == ["out.003.vdb", "out.010.vdb"], about
+    for step in (3, 10):
+        expect_same(vdb.read(f"out.{step:03}.vdb", "ball"), vdb.read(f"run.{step:04}.vdb", "ball"))
+    about = run("build", "run.%04d.vdb", "--out-dir", "pyramids", "--json")
+    assert about["built"] == 2, about
+    run("convert", "pyramids/run.%04d.isb", "-o", "again.%d.vdb")
+    expect_same(vdb.read("again.10.vdb", "ball"), vdb.read("run.0010.vdb", "ball"))
 
 
 def test_a_grid_larger_than_memory_is_read_slab_by_slab():
