@@ -58,7 +58,7 @@ def relayed(port: int) -> tuple[int, subprocess.Popen[str]]:
 def serve_pictures(path: str, listening: socket.socket) -> None:
     import vtk
 
-    reader = vtk.vtkNrrdReader(FileName=path)
+    reader = vtk.vtkNrrdReader(file_name=path)
     contour = vtk.vtkFlyingEdges3D()
     contour.SetInputConnection(reader.GetOutputPort())
     mapper = vtk.vtkPolyDataMapper(scalar_visibility=False)
