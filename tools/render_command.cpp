@@ -73,8 +73,7 @@ bool placeEye(RenderArguments& arguments) {
   return true;
 }
 
-std::shared_ptr<PictureOutput> outputOf(const RenderArguments& arguments,
-                                        const std::string& name) {
+std::shared_ptr<PictureOutput> outputOf(const RenderArguments& arguments, const std::string& name) {
   PicturePlan plan;
   plan.output = name;
   plan.pictures = arguments.pictures;
@@ -179,10 +178,9 @@ class SurfacePictures {
   void draw(std::vector<QueryOptions> volumes, std::size_t number) {
     ViewState& view = arguments_.view;
     const Stopwatch extract_watch;
-    auto surface =
-        std::make_shared<DrawableSurface>(runWithThreads(arguments_.query.threads, [&] {
-          return extractPictureSurface(std::move(volumes), arguments_.looks, view);
-        }));
+    auto surface = std::make_shared<DrawableSurface>(runWithThreads(arguments_.query.threads, [&] {
+      return extractPictureSurface(std::move(volumes), arguments_.looks, view);
+    }));
     extract_seconds_ += extract_watch.seconds();
     const Stopwatch draw_watch;
     triangles_ += surface->triangles;
@@ -385,9 +383,10 @@ Command addRenderCommand(CLI::App& app) {
                   "--pictures folder/%04d.png, or a movie, .mp4")
       ->type_name("IMAGE")
       ->required();
-  sub->add_flag("--steps", arguments->steps,
-                "Each FILE is a step of time: a picture of each, where {name} stands in the output, "
-                "or folder/%04d.png or a movie of all; without it they are volumes of one scene");
+  sub->add_flag(
+      "--steps", arguments->steps,
+      "Each FILE is a step of time: a picture of each, where {name} stands in the output, "
+      "or folder/%04d.png or a movie of all; without it they are volumes of one scene");
   addForceFlag(*sub, arguments->force);
   addPictureOptions(*sub, *arguments);
   findOption(*sub, "--steps")->excludes(findOption(*sub, "--pictures"));
