@@ -467,7 +467,7 @@ FirstRequest ZarrArray::firstRequest() const {
 std::optional<StoreFile> ZarrArray::openOuter(const std::string& path) const {
   if (remote_ == nullptr) {
     if (!storeFileIsThere(path)) return std::nullopt;
-    return StoreFile(path);
+    return StoreFile(path, !shards_.empty());
   }
   auto ranges = remote_->open(path, firstRequest(), !shards_.empty());
   if (ranges == nullptr) return std::nullopt;
@@ -482,7 +482,7 @@ void ZarrArray::announce(std::span<const Indices> chunks) const {
     if (remote_ != nullptr)
       remote_->announce(path, firstRequest());
     else if (const auto* const member = zip_->find(path.substr(zip_->path().size() + 1)))
-      in_zip.push_back(zip_->firstRangeOf(*member));
+      in_zip.push_back(zip_->firstRangeOf(*member, !shards_.empty()));
   if (zip_ != nullptr) zip_->announce(in_zip);
   if (shards_.size() != 1) return;  // shards in shards: their indices would be waited for in turn
   const auto allOf = [](const StoreFile& file) { return ByteRun{0, file.size()}; };

@@ -128,11 +128,12 @@ void ZipFile::announce(std::span<const ByteRange> ranges) const {
   if (ranges_ != nullptr) ranges_->announce(ranges);
 }
 
-ByteRange ZipFile::firstRangeOf(const Member& member) const {
+ByteRange ZipFile::firstRangeOf(const Member& member, bool in_parts) const {
   constexpr std::uint64_t kNotMuch = std::uint64_t{4} << 20;
   const auto next = std::upper_bound(begins_.begin(), begins_.end(), member.header_offset);
   const std::uint64_t all = next == begins_.end() ? 0 : *next - member.header_offset;
-  const bool takes_all = !file_ && all > kHeaderBytes && (all <= kNotMuch || member.method != 0);
+  const bool takes_all =
+      !file_ && all > kHeaderBytes && ((all <= kNotMuch && !in_parts) || member.method != 0);
   return {member.header_offset, takes_all ? all : kHeaderBytes};
 }
 
@@ -320,11 +321,11 @@ bool isZarrZip(const std::string& path) {
   return holdsOne(inside, 1);
 }
 
-StoreFile::StoreFile(const std::string& path) : path_(path) {
+StoreFile::StoreFile(const std::string& path, bool in_parts) : path_(path) {
   std::string inside;
   zip_ = zipThrough(path, inside);
   if (zip_ != nullptr) {
-    openMember(inside);
+    openMember(inside, in_parts);
     return;
   }
   file_.emplace(path);
@@ -335,7 +336,7 @@ StoreFile::StoreFile(const std::string& path, std::shared_ptr<RemoteRanges> rang
                      const CancelFlag* cancel)
     : path_(path), ranges_(std::move(ranges)), cancel_(cancel), size_(ranges_->size()) {}
 
-void StoreFile::openMember(const std::string& name) {
+void StoreFile::openMember(const std::string& name, bool in_parts) {
   constexpr std::uint16_t kEncrypted = 1, kStored = 0, kDeflated = 8;
   const auto damaged = [&] { return unreadable(path_, "it is damaged; get the zip file again"); };
   const ZipFile::Member* const member = zip_->find(name);
@@ -346,7 +347,7 @@ void StoreFile::openMember(const std::string& name) {
     throw unusable(
         path_, "it is packed by method ", member->method,
         ", and isobrick reads 0 (stored) and 8 (deflated); unpack the zip file to a folder");
-  const ByteRange first = zip_->firstRangeOf(*member);
+  const ByteRange first = zip_->firstRangeOf(*member, in_parts);
   std::vector<std::byte> head(static_cast<std::size_t>(first.bytes));
   const bool is_header = first.bytes == kHeaderBytes;
   const bool stays = is_header || std::any_of(std::begin(kMetadata), std::end(kMetadata),

@@ -53,8 +53,9 @@ class ZipFile {
   std::size_t readAt(std::uint64_t offset, void* out, std::size_t bytes, bool stays = false) const;
   // Behind a URL, asks for ranges of it that will be read.
   void announce(std::span<const ByteRange> ranges) const;
-  // What is read first of a member: its header, or, behind a URL, all of it if that is not much.
-  ByteRange firstRangeOf(const Member& member) const;
+  // What is read first of a member: its header, or, behind a URL, all of it if it is packed, or is
+  // not much and not read in parts.
+  ByteRange firstRangeOf(const Member& member, bool in_parts) const;
 
   // Null if there is none of that name.
   const Member* find(const std::string& name) const;
@@ -101,8 +102,8 @@ bool isZarrZip(const std::string& path);
 // whole, and is in memory.
 class StoreFile {
  public:
-  // Of this machine.
-  explicit StoreFile(const std::string& path);
+  // Of this machine, or of a zip file; `in_parts`: only some of it is needed.
+  explicit StoreFile(const std::string& path, bool in_parts = false);
   // Behind a URL, open. `cancel` may be null, and outlives it.
   StoreFile(const std::string& path, std::shared_ptr<RemoteRanges> ranges,
             const CancelFlag* cancel);
@@ -114,7 +115,7 @@ class StoreFile {
   void announce(std::vector<ByteRange> ranges) const;
 
  private:
-  void openMember(const std::string& name);
+  void openMember(const std::string& name, bool in_parts);
 
   std::string path_;
   std::optional<InputFile> file_;
