@@ -15,7 +15,7 @@ from isobrick._command import EXECUTABLE
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-TUTORIALS = sorted(set((DOCS / "tutorials").glob("*.md")) - {DOCS / "tutorials/index.md"})
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
 HOW_TO = [page for page in sorted((DOCS / "how-to").glob("*.md")) if "```sh\n" in page.read_text()]
 
 
