@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The league: the same volumes through isobrick and the programs that people use now, one page, losses included.
 
-    tools/league.py ISOBRICK CASES DATA [-o docs/league.md]
+    tools/league.py ISOBRICK CASES DATA [-o docs/league.md]      and the table of README.md
 
 CASES: the folder of ../shared/cases/surfaces; DATA: of ../shared/data. Every mesh is made by a process of its own, which
 reads the volume and writes the mesh. The script installs scikit-image, VTK, PyMCubes, MeshLib and SimpleITK from PyPI
@@ -286,8 +286,10 @@ def table(head, lines):
 def page(results):
     """`results`: by the volume's path, isovalue, right volume and rows by program."""
     names = list(ENGINES)
-    lines = [PAGE, *table(["volume", *names], [
-        [path.name, *(verdict(rows[name], right) for name in names)] for path, (_, right, rows) in results.items()])]
+    verdicts = {path.name: [verdict(rows[name], right) for name in names] for path, (_, right, rows) in results.items()}
+    good = [name for name, cells in verdicts.items() if set(cells) == {"good"}]
+    lines = [PAGE, *table(["volume", *names], [[name, *cells] for name, cells in verdicts.items() if name not in good]),
+             f"All are good at {', '.join(good[:-1])} and {good[-1]}.\n"]
     refused = {(path.name, row["refused"]) for path, (_, _, rows) in results.items()
                for name, row in rows.items() if name == "isobrick" and "refused" in row}
     lines += [f"isobrick refuses {name}: {text.removeprefix('isobrick: ')}.\n" for name, text in sorted(refused)]
@@ -301,6 +303,20 @@ def page(results):
         numbers.append(["small ones, median", name, *("",) * 2, *(
             f"{statistics.median(row[key] for row in done):{shape}}" for key, shape in (("seconds", ".2f"), ("MiB", ".0f")))])
     return lines + table(["volume", "program", "triangles", "Mtri/s", "seconds", "MiB"], numbers)
+
+
+def front(page):
+    """The README's table: what the page says of the head CT."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if "vhf_head.nrrd |" in line]
+    verdicts = next((dict(zip(ENGINES, row[1:])) for row in rows if len(row) > 6), dict.fromkeys(ENGINES, "good"))
+    measured = [(row[1], float(row[4]), row[5]) for row in rows if len(row) == 6]
+    return "\n".join(table(["", "seconds", "× isobrick", "peak MiB", "mesh"], [
+        [program, f"{seconds:.2f}", f"{seconds / measured[0][1]:.1f}", mebibytes, verdicts[program]]
+        for program, seconds, mebibytes in measured if program != "isobrick --simplify 0.1"]))
+
+
+def with_front(readme, page):
+    return re.sub(r"(<!-- league -->\n).*?(?=<!-- end -->)", lambda match: match[1] + front(page), readme, flags=re.S)
 
 
 def main():
@@ -318,6 +334,8 @@ def main():
             results[path] = iso, right, run_volume(path, iso, arguments.isobrick, pathlib.Path(folder))
     machine = f"*Machine*: {os.cpu_count()} cores; its load was {min(loads):.1f} to {max(loads):.1f} (1 is this script's)."
     arguments.output.write_text("\n".join([*page(results), machine]) + "\n")
+    readme = ROOT / "README.md"
+    readme.write_text(with_front(readme.read_text(), arguments.output.read_text()))
 
 
 PAGE = """<!-- tools/league.py made this page. -->
@@ -327,11 +345,11 @@ This page shows you the same volumes through isobrick and the programs that peop
 and what they take. Each mesh is made by a process of its own, which reads the volume and writes the mesh.
 
 - *good*: open at the border of the volume or nowhere, every side once each way round, no triangle without area (*flat*), no two
-  that cross (MeshLib's test of self-collisions, in single precision), and the volume within 2 % of what is known of it.
+  that cross (MeshLib's test, in single precision), and the volume within 2 % of what is known of it.
 - All read the same NRRD without compression. OpenVDB's own file is read by isobrick and OpenVDB alone. For OpenVDB the inside
   is below the isovalue, and it closes surfaces at the border.
-- The first volumes are small and have one property each that people reported as a fault of some program: numbers that float32
-  does not hold, voxels without a number, surfaces at the border, thin walls. The last three are scans.
+- Small volumes have one property each that people reported as a fault of some program: numbers that float32 does not hold, voxels
+  without a number, surfaces at the border, thin walls. The last three are scans.
 - *seconds* and *MiB* at the peak are of the whole process, *Mtri/s* of the surface alone; isobrick reads while it extracts.
 """
 
