@@ -49,7 +49,6 @@ COLUMNS = {
     "× isobrick": times_isobrick,
     "triangles": lambda row, volume, rows: f"{row['triangles']:,}",
     "Mtri/s": lambda row, volume, rows: row["triangles"] / median(row) / 1e6,
-    "Mvoxel/s": lambda row, volume, rows: math.prod(volume["dimensions"]) / median(row) / 1e6,
     "MB/s": lambda row, volume, rows: volume["bytes"] / median(row) / 1e6,
     "peak MiB": lambda row, volume, rows: f"{row['peak_bytes'] / 2**20:,.0f}",
     "MB": lambda row, volume, rows: f"{row['bytes'] / 1e6:,.0f}",
