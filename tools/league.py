@@ -293,26 +293,29 @@ def page(results):
     refused = {(path.name, row["refused"]) for path, (_, _, rows) in results.items()
                for name, row in rows.items() if name == "isobrick" and "refused" in row}
     lines += [f"isobrick refuses {name}: {text.removeprefix('isobrick: ')}.\n" for name, text in sorted(refused)]
+    groups = {path.name: [rows] for path, (_, _, rows) in list(results.items())[-len(SCANS):]}
+    groups["small ones, median"] = [rows for _, (_, _, rows) in list(results.items())[:-len(SCANS)]]
+    head = ["", *(words for name in groups for words in (f"{name}: s", "MiB", "Mtri/s"))][:-1]
     numbers = []
-    for path, (_, _, rows) in list(results.items())[-len(SCANS):]:
-        numbers += [[path.name, name, f"{row['triangles']:,}", f"{row['rate']:.2f}", f"{row['seconds']:.2f}",
-                     f"{row['MiB']:.0f}"] for name, row in rows.items() if "seconds" in row]
-    small = [rows for _, (_, _, rows) in list(results.items())[:-len(SCANS)]]
-    for name in names:
-        done = [rows[name] for rows in small if "seconds" in rows[name]]
-        numbers.append(["small ones, median", name, *("",) * 2, *(
-            f"{statistics.median(row[key] for row in done):{shape}}" for key, shape in (("seconds", ".2f"), ("MiB", ".0f")))])
-    return lines + table(["volume", "program", "triangles", "Mtri/s", "seconds", "MiB"], numbers)
+    for program in names:
+        cells = [program]
+        for group in groups.values():
+            done = [rows[program] for rows in group if "seconds" in rows[program]]
+            cells += [f"{statistics.median(row[key] for row in done):{shape}}" if done else ""
+                      for key, shape in (("seconds", ".2f"), ("MiB", ".0f"), ("rate", ".2f"))]
+        numbers.append(cells[:-1])
+    return lines + table(head, numbers)
 
 
 def front(page):
-    """The README's table: what the page says of the head CT."""
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if "vhf_head.nrrd |" in line]
-    verdicts = next((dict(zip(ENGINES, row[1:])) for row in rows if len(row) > 6), dict.fromkeys(ENGINES, "good"))
-    measured = [(row[1], float(row[4]), row[5]) for row in rows if len(row) == 6]
+    """The README's table: what the page says of the head CT, the first of the scans."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")]
+    said = next((row[1:] for row in rows if row[0] == "vhf_head.nrrd"), ["good"] * len(ENGINES))
+    seconds = {row[0]: (float(row[1]), row[2]) for row in rows if row[0] in ENGINES}
+    own = seconds["isobrick"][0]
     return "\n".join(table(["", "seconds", "× isobrick", "peak MiB", "mesh"], [
-        [program, f"{seconds:.2f}", f"{seconds / measured[0][1]:.1f}", mebibytes, verdicts[program]]
-        for program, seconds, mebibytes in measured if program != "isobrick --simplify 0.1"]))
+        [program, f"{seconds[program][0]:.2f}", f"{seconds[program][0] / own:.1f}", seconds[program][1], verdict]
+        for program, verdict in zip(ENGINES, said) if program in seconds and program != "isobrick --simplify 0.1"]))
 
 
 def with_front(readme, page):
