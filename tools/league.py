@@ -280,7 +280,8 @@ def verdict(row, right):
 
 
 def table(head, lines):
-    return ["| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *lines]] + [""]
+    made = ["| " + " | ".join(line) + " |" for line in [head, *lines]]
+    return [made[0], "|---" * len(head) + "|", *made[1:], ""]
 
 
 def page(results):

@@ -147,8 +147,8 @@ class Page:
             lines = [[name, *(self.cell(c, rows.get(name, {}), volume, rows) for rows, volume in steps for c in columns)]
                      for name in names]
         kept = [i for i in range(len(head)) if i == 0 or any(line[i] for line in lines)]
-        rows = [head, ["---"] + ["--:"] * (len(head) - 1), *lines]
-        return "\n".join("| " + " | ".join(row[i] for i in kept) + " |" for row in rows)
+        made = ["| " + " | ".join(row[i] for i in kept) + " |" for row in (head, *lines)]
+        return "\n".join([made[0], "|---" + "|--:" * (len(kept) - 1) + "|", *made[1:]])
 
     def text(self):
         with open(f"{HERE}/page.md", encoding="utf-8") as file:
