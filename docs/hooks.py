@@ -52,9 +52,9 @@ def options_page() -> str:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links of docs/*/ to pages of the root lead to their copies."""
+    """Links to pages of the repository's root lead to their copies."""
     for name, copy in COPIES.items():
-        markdown = markdown.replace(f"](../../{name})", f"](../{copy})")
+        markdown = markdown.replace(f"](../../{name})", f"](../{copy})").replace(f"](../{name})", f"]({copy})")
     return markdown
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The league: the same volumes through isobrick and the programs that people use now, one page, losses included.
 
-    tools/league.py ISOBRICK CASES DATA [-o docs/league.md]
+    tools/league.py ISOBRICK CASES DATA [-o docs/league.md]      and the table of README.md
 
 CASES: the folder of ../shared/cases/surfaces; DATA: of ../shared/data. Every mesh is made by a process of its own, which
 reads the volume and writes the mesh. The script installs scikit-image, VTK, PyMCubes, MeshLib and SimpleITK from PyPI
@@ -280,27 +280,47 @@ def verdict(row, right):
 
 
 def table(head, lines):
-    return ["| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *lines]] + [""]
+    made = ["| " + " | ".join(line) + " |" for line in [head, *lines]]
+    return [made[0], "|---" * len(head) + "|", *made[1:], ""]
 
 
 def page(results):
     """`results`: by the volume's path, isovalue, right volume and rows by program."""
     names = list(ENGINES)
-    lines = [PAGE, *table(["volume", *names], [
-        [path.name, *(verdict(rows[name], right) for name in names)] for path, (_, right, rows) in results.items()])]
+    verdicts = {path.name: [verdict(rows[name], right) for name in names] for path, (_, right, rows) in results.items()}
+    good = [name for name, cells in verdicts.items() if set(cells) == {"good"}]
+    lines = [PAGE, *table(["volume", *names], [[name, *cells] for name, cells in verdicts.items() if name not in good]),
+             f"All are good at {', '.join(good[:-1])} and {good[-1]}.\n"]
     refused = {(path.name, row["refused"]) for path, (_, _, rows) in results.items()
                for name, row in rows.items() if name == "isobrick" and "refused" in row}
     lines += [f"isobrick refuses {name}: {text.removeprefix('isobrick: ')}.\n" for name, text in sorted(refused)]
+    groups = {path.name: [rows] for path, (_, _, rows) in list(results.items())[-len(SCANS):]}
+    groups["small ones, median"] = [rows for _, (_, _, rows) in list(results.items())[:-len(SCANS)]]
+    head = ["", *(words for name in groups for words in (f"{name}: s", "MiB", "Mtri/s"))][:-1]
     numbers = []
-    for path, (_, _, rows) in list(results.items())[-len(SCANS):]:
-        numbers += [[path.name, name, f"{row['triangles']:,}", f"{row['rate']:.2f}", f"{row['seconds']:.2f}",
-                     f"{row['MiB']:.0f}"] for name, row in rows.items() if "seconds" in row]
-    small = [rows for _, (_, _, rows) in list(results.items())[:-len(SCANS)]]
-    for name in names:
-        done = [rows[name] for rows in small if "seconds" in rows[name]]
-        numbers.append(["small ones, median", name, *("",) * 2, *(
-            f"{statistics.median(row[key] for row in done):{shape}}" for key, shape in (("seconds", ".2f"), ("MiB", ".0f")))])
-    return lines + table(["volume", "program", "triangles", "Mtri/s", "seconds", "MiB"], numbers)
+    for program in names:
+        cells = [program]
+        for group in groups.values():
+            done = [rows[program] for rows in group if "seconds" in rows[program]]
+            cells += [f"{statistics.median(row[key] for row in done):{shape}}" if done else ""
+                      for key, shape in (("seconds", ".2f"), ("MiB", ".0f"), ("rate", ".2f"))]
+        numbers.append(cells[:-1])
+    return lines + table(head, numbers)
+
+
+def front(page):
+    """The README's table: what the page says of the head CT, the first of the scans."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")]
+    said = next((row[1:] for row in rows if row[0] == "vhf_head.nrrd"), ["good"] * len(ENGINES))
+    seconds = {row[0]: (float(row[1]), row[2]) for row in rows if row[0] in ENGINES}
+    own = seconds["isobrick"][0]
+    return "\n".join(table(["", "seconds", "× isobrick", "peak MiB", "mesh"], [
+        [program, f"{seconds[program][0]:.2f}", f"{seconds[program][0] / own:.1f}", seconds[program][1], verdict]
+        for program, verdict in zip(ENGINES, said) if program in seconds and program != "isobrick --simplify 0.1"]))
+
+
+def with_front(readme, page):
+    return re.sub(r"(<!-- league -->\n).*?(?=<!-- end -->)", lambda match: match[1] + front(page), readme, flags=re.S)
 
 
 def main():
@@ -318,6 +338,8 @@ def main():
             results[path] = iso, right, run_volume(path, iso, arguments.isobrick, pathlib.Path(folder))
     machine = f"*Machine*: {os.cpu_count()} cores; its load was {min(loads):.1f} to {max(loads):.1f} (1 is this script's)."
     arguments.output.write_text("\n".join([*page(results), machine]) + "\n")
+    readme = ROOT / "README.md"
+    readme.write_text(with_front(readme.read_text(), arguments.output.read_text()))
 
 
 PAGE = """<!-- tools/league.py made this page. -->
@@ -327,11 +349,11 @@ This page shows you the same volumes through isobrick and the programs that peop
 and what they take. Each mesh is made by a process of its own, which reads the volume and writes the mesh.
 
 - *good*: open at the border of the volume or nowhere, every side once each way round, no triangle without area (*flat*), no two
-  that cross (MeshLib's test of self-collisions, in single precision), and the volume within 2 % of what is known of it.
+  that cross (MeshLib's test, in single precision), and the volume within 2 % of what is known of it.
 - All read the same NRRD without compression. OpenVDB's own file is read by isobrick and OpenVDB alone. For OpenVDB the inside
   is below the isovalue, and it closes surfaces at the border.
-- The first volumes are small and have one property each that people reported as a fault of some program: numbers that float32
-  does not hold, voxels without a number, surfaces at the border, thin walls. The last three are scans.
+- Small volumes have one property each that people reported as a fault of some program: numbers that float32 does not hold, voxels
+  without a number, surfaces at the border, thin walls. The last three are scans.
 - *seconds* and *MiB* at the peak are of the whole process, *Mtri/s* of the surface alone; isobrick reads while it extracts.
 """
 

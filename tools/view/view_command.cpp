@@ -77,7 +77,7 @@ void addScriptOptions(CLI::App& app, ViewArguments& arguments) {
   beginGroup(app, kScriptGroup);
   CLI::Option* const script = app.add_option("--script", options.script_path,
                                              "Timed inputs in place of a user; leaves at their end "
-                                             "(docs/reference/viewer-scripts.md)")
+                                             "(docs/reference/views-and-scripts.md)")
                                   ->type_name("EVENTS.json");
   app.add_option("--frames", options.frames_folder,
                  "Folder for the files that the script writes; default: this one")

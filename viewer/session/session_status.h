@@ -57,7 +57,7 @@ struct ReportedFrame {
   std::vector<SurfaceWait> waits;
 };
 
-// docs/reference/viewer-scripts.md has the fields. `device`: that drew; `status`: after the last
+// docs/reference/views-and-scripts.md has the fields. `device`: that drew; `status`: after the last
 // frame.
 std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
                      const SessionStatus& status);

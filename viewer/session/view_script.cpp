@@ -306,7 +306,7 @@ ViewScript readViewScript(const std::string& path) {
     return viewScriptFromJson(text);
   } catch (const Error& error) {
     throw Error(
-        "'" + path + "': " + error.what() + "; docs/reference/viewer-scripts.md has the steps",
+        "'" + path + "': " + error.what() + "; docs/reference/views-and-scripts.md has the steps",
         {path});
   }
 }

@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// docs/reference/viewer-scripts.md has the steps as JSON. Each takes a frame at least.
+// docs/reference/views-and-scripts.md has the steps as JSON. Each takes a frame at least.
 struct ScriptEvent {
   InputEvent event;
 };

@@ -1,4 +1,4 @@
-// Sound files that are refused say so, and what to do, in the words of docs/how-to/errors.md.
+// Sound files that are refused say so, and what to do, in the words of docs/LIMITS.md.
 #include <fstream>
 #include <functional>
 #include <map>
@@ -76,7 +76,7 @@ TEST_F(RefusalsTest, SayWhatTheDocumentSays) {
       {"Zarr with another filter",
        [&] { return zarr("<f4", "null", R"([{"id": "fixedscaleoffset"}])"); }},
       {"Zarr of texts", [&] { return zarr("<U4", "null", "null"); }}};
-  std::ifstream page(test::goldenFolder() + "/../../docs/how-to/errors.md");
+  std::ifstream page(test::goldenFolder() + "/../../docs/LIMITS.md");
   const std::regex row(R"(\| ([^|`]+) \| `([^|`]+)` \| `([^|`]+)` \|)");
   std::size_t rows = 0;
   for (std::string line; std::getline(page, line);) {

@@ -49,7 +49,6 @@ COLUMNS = {
     "× isobrick": times_isobrick,
     "triangles": lambda row, volume, rows: f"{row['triangles']:,}",
     "Mtri/s": lambda row, volume, rows: row["triangles"] / median(row) / 1e6,
-    "Mvoxel/s": lambda row, volume, rows: math.prod(volume["dimensions"]) / median(row) / 1e6,
     "MB/s": lambda row, volume, rows: volume["bytes"] / median(row) / 1e6,
     "peak MiB": lambda row, volume, rows: f"{row['peak_bytes'] / 2**20:,.0f}",
     "MB": lambda row, volume, rows: f"{row['bytes'] / 1e6:,.0f}",
@@ -148,8 +147,8 @@ class Page:
             lines = [[name, *(self.cell(c, rows.get(name, {}), volume, rows) for rows, volume in steps for c in columns)]
                      for name in names]
         kept = [i for i in range(len(head)) if i == 0 or any(line[i] for line in lines)]
-        rows = [head, ["---"] + ["--:"] * (len(head) - 1), *lines]
-        return "\n".join("| " + " | ".join(row[i] for i in kept) + " |" for row in rows)
+        made = ["| " + " | ".join(row[i] for i in kept) + " |" for row in (head, *lines)]
+        return "\n".join([made[0], "|---" + "|--:" * (len(kept) - 1) + "|", *made[1:]])
 
     def text(self):
         with open(f"{HERE}/page.md", encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-// All that a view brings back: the fields of a view file (docs/reference/views-and-pictures.md)
+// All that a view brings back: the fields of a view file (docs/reference/views-and-scripts.md)
 // that the page knows, by the same names, so that a link, the window and `isobrick render --state`
 // show the same picture.
 import { framed, type ViewCamera } from './camera';
