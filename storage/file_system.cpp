@@ -87,6 +87,13 @@ std::error_code makeFolders(const fs::path& folder) {
   return failure;
 }
 
+std::error_code linkOrCopyFile(const fs::path& from, const fs::path& to) {
+  std::error_code error;
+  fs::create_hard_link(from, to, error);
+  if (error) fs::copy_file(from, to, error);
+  return error;
+}
+
 std::error_code removeName(const fs::path& path) {
   std::error_code failure;
   fs::remove(path, failure);

@@ -44,6 +44,9 @@ std::filesystem::path temporaryFolder();
 // Makes the folder and those above it, unless they are there. The caller says in its own words
 // what failed.
 [[nodiscard]] std::error_code makeFolders(const std::filesystem::path& folder);
+// A second name of the file, or a copy where the file system has no such names; `to` is not there.
+[[nodiscard]] std::error_code linkOrCopyFile(const std::filesystem::path& from,
+                                             const std::filesystem::path& to);
 // Removes a file or an empty folder, if it is there.
 std::error_code removeName(const std::filesystem::path& path);
 // Removes it with all that is in it, as far as that can be done.

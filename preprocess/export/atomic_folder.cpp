@@ -90,10 +90,7 @@ void AtomicFolder::writeFile(const std::string& name, const void* data, std::siz
 
 void AtomicFolder::takeFile(const fs::path& from, const fs::path& name) {
   makeFolder(name.parent_path().string());
-  const fs::path to = fs::path(temporary_path_) / name;
-  std::error_code error;
-  fs::create_hard_link(from, to, error);
-  if (error) fs::copy_file(from, to, error);
+  const std::error_code error = linkOrCopyFile(from, fs::path(temporary_path_) / name);
   if (error) failWriting(path_, error.value());
 }
 
