@@ -137,6 +137,21 @@ std::string folderOfPart(const std::string& path, std::uint32_t part, std::uint3
 }
 constexpr char kPartDocument[] = "isobrick-part.json";
 
+// Puts the files of the folder, but for those directly in it, into the other one.
+void takeFiles(const std::filesystem::path& from, const std::filesystem::path& below,
+               AtomicFolder& folder, const CancelFlag* cancel) {
+  if (cancel != nullptr) cancel->check();
+  const std::error_code error = visitFolder(from / below, [&](const FolderMember& member) {
+    const std::filesystem::path name = below / member.name();
+    if (member.isFolder())
+      takeFiles(from, name, folder, cancel);
+    else if (!below.empty())
+      folder.takeFile(member.path(), name);
+    return true;
+  });
+  if (error) throw Error(concat("cannot read '", (from / below).string(), "': ", error.message()));
+}
+
 // If all parts are there, puts their files into the output, and removes them.
 void joinParts(const Json& documents, const std::string& path, std::uint32_t parts,
                const ExportOptions& options, VolumeWriteReport& report) {
@@ -152,20 +167,20 @@ void joinParts(const Json& documents, const std::string& path, std::uint32_t par
       throw unwritable(path, "its part ", part, " of ", parts,
                        " is of another volume, or was written with other options; remove it");
   }
-  // Of two runs that find all of them, one does it.
+  // Of two runs that find all of them, one does it; if it fails, another may.
   const std::string first = folderOfPart(path, 1, parts) + "/" + kPartDocument;
-  if (std::rename(first.c_str(), (first + ".joined").c_str()) != 0) return;
-  AtomicFolder folder(path);
-  for (std::uint32_t part = 1; part <= parts; ++part) {
-    const std::string from = folderOfPart(path, part, parts);
-    for (const auto& file : std::filesystem::recursive_directory_iterator(from)) {
-      checkCancel(options);
-      const std::filesystem::path name = file.path().lexically_relative(from);
-      if (file.is_regular_file() && name.has_parent_path()) folder.takeFile(file.path(), name);
-    }
+  const std::string taken = first + ".joined";
+  if (std::rename(first.c_str(), taken.c_str()) != 0) return;
+  try {
+    AtomicFolder folder(path);
+    for (std::uint32_t part = 1; part <= parts; ++part)
+      takeFiles(folderOfPart(path, part, parts), {}, folder, options.cancel);
+    writeDocuments(documents, folder);
+    folder.commit(options.cancel);
+  } catch (...) {
+    std::rename(taken.c_str(), first.c_str());
+    throw;
   }
-  writeDocuments(documents, folder);
-  folder.commit(options.cancel);
   for (std::uint32_t part = 1; part <= parts; ++part) removeTree(folderOfPart(path, part, parts));
 }
 
