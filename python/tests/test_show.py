@@ -67,14 +67,26 @@ def test_a_closed_one_starts_anew(head: Path) -> None:
     second.close()
 
 
+# Prints the URL as soon as the main thread is in the server's wait(), which the page's calls.
+SAY_WHEN_IT_WAITS = """
+def say(main=threading.get_ident()):
+    names = []
+    while names != ["wait", "wait"]:
+        time.sleep(0.01)
+        frame = sys._current_frames()[main]
+        names = [f.f_code.co_name for f in (frame, frame.f_back) if f]
+    print(page.url, flush=True)
+threading.Thread(target=say).start()
+"""
+
+
 @pytest.mark.parametrize("end", ["exit", "kill", "interrupt"])
 def test_the_server_ends_with_the_process(head: Path, end: str) -> None:
-    program = (
-        "import isobrick, sys, time\n"
-        f"page = isobrick.show({str(head)!r}, browser=False)\n"
-        "print(page.url, flush=True)\n"
-        + ("page.wait()\n" if end == "interrupt" else "sys.stdin.read()\n")
-    )
+    program = f"import isobrick, sys, threading, time\npage = isobrick.show({str(head)!r}, browser=False)\n"
+    if end == "interrupt":
+        program += SAY_WHEN_IT_WAITS + "page.wait()\n"
+    else:
+        program += "print(page.url, flush=True)\nsys.stdin.read()\n"
     with subprocess.Popen(
         [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
@@ -178,6 +190,7 @@ def test_a_surface_in_jupyterlab(lab: tuple[Path, str], head: Path, way: str) ->
         page = browser.new_page(viewport={"width": 1200, "height": 900})
         page.set_default_timeout(WAIT)
         page.goto(f"{address}lab/workspaces/{way}/tree/{way}.ipynb?token=word")
+        page.locator(".jp-Notebook-ExecutionIndicator[data-status=idle]").first.wait_for()  # before, keys are lost
         page.locator(".jp-Notebook .jp-Cell .cm-content").first.click()
         page.keyboard.press("Shift+Enter")
         frame = page.frame_locator("iframe[title=isobrick]")
