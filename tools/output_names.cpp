@@ -28,10 +28,14 @@ bool hasPlace(const std::string& pattern, std::string_view key) {
   return pattern.find(placeOf(key)) != std::string::npos;
 }
 
-std::string withPlaceFilled(std::string pattern, std::string_view key, const std::string& value) {
-  std::string part = value;
+std::string plainName(std::string text) {
   std::replace_if(
-      part.begin(), part.end(), [](char c) { return !isPlain(c); }, '-');
+      text.begin(), text.end(), [](char c) { return !isPlain(c); }, '-');
+  return text;
+}
+
+std::string withPlaceFilled(std::string pattern, std::string_view key, const std::string& value) {
+  const std::string part = plainName(value);
   const std::string place = placeOf(key);
   for (std::size_t at = 0; (at = pattern.find(place, at)) != std::string::npos; at += part.size())
     pattern.replace(at, place.size(), part);

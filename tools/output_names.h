@@ -10,8 +10,11 @@ namespace isobrick {
 // Whether the pattern has a place "{key}".
 bool hasPlace(const std::string& pattern, std::string_view key);
 
-// The pattern with `value` in all places of that key. A character that means something to file
-// systems or shells becomes '-'.
+// What may be part of a file's name: a character that means something to file systems or shells
+// becomes '-'.
+std::string plainName(std::string text);
+
+// The pattern with plainName(value) in all places of that key.
 std::string withPlaceFilled(std::string pattern, std::string_view key, const std::string& value);
 
 // "bone-500.ply" for "bone.ply" and 500.

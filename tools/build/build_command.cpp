@@ -93,7 +93,8 @@ std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
     for (const InputOptions& grid : grids) {
       BuildJob of_grid = job;
       of_grid.input = grid;
-      if (grids.size() > 1) of_grid.output = nameWith(job.output, grid.grids.front());
+      // The name comes from the file, which may be a stranger's.
+      if (grids.size() > 1) of_grid.output = nameWith(job.output, plainName(grid.grids.front()));
       for (BuildJob& one : jobsOfMembers(of_grid, arguments.settings))
         jobs.push_back(std::move(one));
     }

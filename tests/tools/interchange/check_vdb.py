@@ -128,6 +128,11 @@ def test_several_grids_of_a_file_go_into_one():
     # A pyramid of each.
     run("build", "three.vdb", "--select", "grid=all", "-o", "each.isb")
     assert [name for name in sorted(os.listdir(".")) if name.startswith("each")] == ["each-ball.isb", "each-smoke.isb"]
+    ball.name, smoke.name = "../up", "/top"  # a stranger's names
+    vdb.write("named.vdb", [ball, smoke])
+    run("build", "named.vdb", "--select", "grid=all", "-o", "safe.isb")
+    assert [name for name in sorted(os.listdir(".")) if name.startswith("safe")] == ["safe--top.isb", "safe-..-up.isb"]
+    ball.name, smoke.name = "ball", "smoke"
     # A level set has its band and its inside also by way of a pyramid.
     run("build", "three.vdb", "--select", "grid=0", "-o", "ball.isb")
     run("convert", "ball.isb", "-o", "back.vdb", "--force")
