@@ -90,6 +90,9 @@ class PagedFile {
 
   // ---- of a mapped file ----
 
+  // As FileRanges::isCached(); false if the file is not mapped.
+  bool isCached(const ByteRange& range) const { return isMapped() && local_->isCached(range); }
+
   const std::byte* data() const { return data_; }
 
   // The offset of the page that was the first that could not be read; none while all could be.

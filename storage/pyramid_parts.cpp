@@ -106,6 +106,12 @@ void PyramidParts::announce(std::span<const PartAddress> parts) const {
   pager_.announce(ids);
 }
 
+bool PyramidParts::isCached(PartKind kind, int level, const Index3& brick) const {
+  const format::PartEntry part = brickRowOf(level, brick).part(kind);
+  return part.stored_bytes == 0 ||
+         (isInFile(part) && tables_.bytes().isCached({part.offset, part.stored_bytes}));
+}
+
 void PyramidParts::require(PartKind kind, int level, const Index3& brick,
                            const CancelFlag* cancel) const {
   if (storedBytes(kind, level, brick) > 0) acquire(kind, level, brick, cancel);

@@ -130,6 +130,9 @@ class PyramidParts {
   bool isRemote() const {
     return tables_.bytes().isRemote() || spec().level0 == Level0Place::kBehindUrl;
   }
+  // True if no disk and no server has to be waited for to bring the part in: it is not stored, or
+  // the system's page cache has it. May be false for a part that is cached.
+  bool isCached(PartKind kind, int level, const Index3& brick) const;
   // Makes a part resident, if one is stored. Throws Error that says why it cannot be read, and
   // Cancelled.
   void require(PartKind kind, int level, const Index3& brick,

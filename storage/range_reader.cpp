@@ -36,4 +36,13 @@ void FileRanges::announce(std::span<const ByteRange> ranges) {
                   POSIX_FADV_WILLNEED);
 }
 
+bool FileRanges::isCached(const ByteRange& range) const {
+  const auto has = [&](std::uint64_t offset) {
+    char byte = 0;
+    const iovec one = {&byte, 1};
+    return preadv2(fd(), &one, 1, static_cast<off_t>(offset), RWF_NOWAIT) == 1;
+  };
+  return has(range.offset) && has(range.offset + range.bytes - 1);
+}
+
 }  // namespace isobrick

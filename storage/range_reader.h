@@ -67,6 +67,9 @@ class FileRanges final : public RangeReader {
   void read(const ByteRange& range, std::byte* out) override;
   // Asks the system to bring the bytes into its page cache.
   void announce(std::span<const ByteRange> ranges) override;
+  // True if the page cache has the first and the last of these bytes, at least 1: what the disk
+  // brings, it brings as a whole. False on file systems that do not say.
+  bool isCached(const ByteRange& range) const;
 
  private:
   OpenDescriptor file_;

@@ -49,9 +49,18 @@ void ReadAhead::noteReached(std::size_t work) {
     ranges_ = std::max(ranges_, reached_);
     // A mesher reads the parts that it needs at once itself.
     std::erase_if(announced_, [&](std::size_t announced) { return announced < reached_; });
-    if (!has_started_) start();
+    if (!has_started_ && !isAheadCached()) start();
   }
   wake_.notify_all();
+}
+
+bool ReadAhead::isAheadCached() {
+  const PyramidParts& parts = context_.pyramid.parts();
+  const std::size_t end = std::min(work_.size(), reached_ + kMostAnnounced);
+  for (cached_ = std::max(cached_, reached_); cached_ < end; ++cached_)
+    for (const PartKind kind : {PartKind::kRanges, PartKind::kSamples})
+      if (!parts.isCached(kind, work_[cached_].level, work_[cached_].brick)) return false;
+  return true;
 }
 
 // Threads are a help only: if the system gives none the meshers read for themselves.
@@ -111,13 +120,14 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
     pyramid.parts().announce(ranges);
   }
   const bool is_needed = isNeeded(work_[work]);
+  const bool is_loaded = is_needed && !pyramid.parts().isCached(PartKind::kSamples, level, brick);
   std::vector<PyramidParts::PartAddress> samples;
-  if (is_needed) samples.push_back({PartKind::kSamples, level, brick});
+  if (is_loaded) samples.push_back({PartKind::kSamples, level, brick});
   if (is_needed && is_far_ && adaptive) addLenders(work_[work], samples);
   pyramid.parts().announce(samples);
   lock.lock();
   if (work < reached_) return;
-  if (is_needed)
+  if (is_loaded)
     announced_.push_back(work);
   else
     ahead_bytes_ -= std::exchange(bytes_[work - reached_], 0);

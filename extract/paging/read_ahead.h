@@ -20,7 +20,9 @@ namespace isobrick {
 // Some threads that fetch, in the order of the work, the tile ranges of bricks, and the samples of
 // those in which a leaf may lie in a tile that the isosurface crosses; the rest (what bricks of
 // another level lend to a mixed one) is left to the meshers. They begin at the first part that a
-// mesher does not find, so that a query whose parts are all resident starts no thread.
+// mesher does not find, so that a query whose parts are all resident starts no thread, and not
+// before a disk or a server has to be waited for: what the page cache has is unpacked by the mesher
+// that needs it, into its own cache.
 //
 // Each brick is looked at: its ranges, which were announced to the system some bricks before, are
 // fetched, and its samples announced if they are needed. Announced samples are fetched by the
@@ -63,6 +65,7 @@ class ReadAhead {
 
  private:
   void noteReached(std::size_t work);
+  bool isAheadCached();
   void start();
   void run();
   bool mayLook() const;
@@ -81,6 +84,7 @@ class ReadAhead {
   std::condition_variable wake_;
   bool has_started_ = false, stops_ = false;
   std::size_t reached_ = 0;            // bricks before this one are with the meshers
+  std::size_t cached_ = 0;             // until it starts: the page cache has those before this one
   std::size_t looked_ = 0;             // bricks before this one were, or are being, looked at
   std::size_t ranges_ = 0;             // the ranges of bricks before this one were announced
   std::deque<std::uint64_t> bytes_;    // of the samples of the bricks from reached_ to looked_

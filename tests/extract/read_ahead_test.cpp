@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
 #include <functional>
 #include <thread>
 
@@ -55,6 +56,10 @@ class HeldSink : public CountingSink {
 
 class ReadAheadTest : public testing::TestWithParam<Codec> {
  protected:
+  // Of a file that is not mapped the page cache is not asked: it is read ahead though it is new.
+  static constexpr FileAccess kReadAhead = FileAccess::kRead;
+  static constexpr std::uint64_t kBudget = Pyramid::kDefaultBudgetBytes;
+
   void SetUp() override {
     BuildOptions options;
     options.brick_cells = 16;
@@ -78,7 +83,7 @@ class ReadAheadTest : public testing::TestWithParam<Codec> {
 };
 
 TEST_P(ReadAheadTest, EveryPartComesInOnceAndIsUsed) {
-  const Pyramid pyramid(path_);
+  const Pyramid pyramid(path_, kBudget, kReadAhead);
   SinkWithAStop sink([&] { waitForFetched(pyramid); });
   const ExtractionReport report = extractIsosurface(pyramid, query_, sink);
   const BrickPager::Counters counters = pyramid.parts().counters();
@@ -98,8 +103,23 @@ TEST_P(ReadAheadTest, NothingIsFetchedWhereAllIsThere) {
   EXPECT_EQ(pyramid.parts().counters().misses, before.misses);
 }
 
+TEST_P(ReadAheadTest, WhatThePageCacheHasIsLeftToTheMeshers) {
+  const DiskFolder disk;
+  const std::string path = disk.file("head.isb");
+  std::filesystem::copy_file(path_, path);
+  const Pyramid pyramid(path);
+  bool is_cached = true;
+  forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
+    is_cached = is_cached && pyramid.parts().isCached(PartKind::kSamples, 0, brick);
+  });
+  if (!is_cached) GTEST_SKIP() << "this file system does not say what is cached";
+  EXPECT_EQ(trianglesOf(pyramid), trianglesOf(Pyramid(path_, kBudget, kReadAhead)));
+  EXPECT_GT(pyramid.parts().counters().misses, 0u);
+  EXPECT_EQ(pyramid.parts().counters().parts_fetched, 0u);
+}
+
 TEST_P(ReadAheadTest, ACancelledQueryEndsItAndTheNextIsWhole) {
-  const Pyramid whole(path_), pyramid(path_);
+  const Pyramid whole(path_), pyramid(path_, kBudget, kReadAhead);
   const std::uint64_t triangles = trianglesOf(whole);
   CancelFlag cancel;
   Query query = query_;
@@ -129,7 +149,7 @@ TEST_P(ReadAheadTest, ACancelledQueryReadsNoFurther) {
   trianglesOf(whole);
   // The threads may have read all before the query is cancelled; in one of some runs they have not.
   for (int run = 0; run < 50; ++run) {
-    const Pyramid pyramid(path);
+    const Pyramid pyramid(path, kBudget, kReadAhead);
     CancelFlag cancel;
     Query query = query_;
     query.cancel = &cancel;
@@ -155,7 +175,7 @@ TEST_P(ReadAheadTest, KeepsASmallBudget) {
   const std::uint64_t triangles = trianglesOf(Pyramid(path_));
   constexpr std::uint64_t kMostSampleBytes = 20 * 20 * 20 * 2;
   const std::uint64_t budget = 32 * 3 * kMostSampleBytes;
-  const Pyramid pyramid(path_, budget);
+  const Pyramid pyramid(path_, budget, kReadAhead);
   // Parts in use never go: a brick's samples and ranges for each mesher, and what four threads
   // bring in at the moment, with a packed copy beside it.
   const auto meshers = static_cast<std::uint64_t>(tbb::this_task_arena::max_concurrency());
@@ -180,7 +200,7 @@ TEST_P(ReadAheadTest, KeepsASmallBudget) {
 TEST_P(ReadAheadTest, ReadsNoFurtherAheadThanAThirtySecondOfTheBudget) {
   constexpr std::uint64_t kMostSampleBytes = 20 * 20 * 20 * 2;
   constexpr int kBricksAhead = 3;
-  const Pyramid pyramid(path_, 32 * kBricksAhead * kMostSampleBytes);
+  const Pyramid pyramid(path_, 32 * kBricksAhead * kMostSampleBytes, kReadAhead);
   query_.cull_by_ranges = false;  // all bricks, and of each its samples alone
   const std::vector<ChoiceOracles> oracles = oraclesOf(pyramid, query_);
   const WorldFrame frame(pyramid.spec().geometry, pyramid.valueRange());
