@@ -60,8 +60,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     pause_.cancel();
     beast::get_lowest_layer(socket_).close();
     state_.clients.erase(this);
-    if (session_ == nullptr) return;
-    state_.ends.add([session = std::exchange(session_, nullptr)]() mutable { session.reset(); });
+    asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
   }
 
   void start(const HttpRequest& request) {
@@ -82,9 +81,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     });
   }
 
-  void sendText(const std::string& text) override {
+  void sendWord(const nlohmann::ordered_json& word) override {
+    const std::string text = jsonText(word);
     const auto* const bytes = reinterpret_cast<const std::byte*>(text.data());
-    send({false, std::vector<std::byte>(bytes, bytes + text.size())});
+    send({false, {bytes, bytes + text.size()}});
   }
   void sendChunk(std::vector<std::byte> packet) override {
     ++state_.counted.chunks;
@@ -198,7 +198,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void sendTyped(const char* type, nlohmann::ordered_json json) {
     json["type"] = type;
-    sendText(jsonText(json));
+    sendWord(json);
   }
 
   void send(Message message) {
