@@ -49,9 +49,7 @@ struct ServerState {
   const ServeOptions options;
   Access access;
   ServedVolumes volumes;
-  struct {
-    std::uint64_t requests = 0, refused = 0, clients = 0, bytes = 0, chunks = 0, wishes = 0;
-  } counted;
+  ServeSummary counted;
   std::string folder;  // for surfaces on their way; empty: none was needed yet
   std::uint64_t last_file = 0;
   CancelFlag stop;  // of jobs

@@ -146,10 +146,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void onRead(StreamError error) {
     if (error || ended_) return end();
-    const std::string text = beast::buffers_to_string(buffer_.data());
-    buffer_.consume(buffer_.size());
+    std::string text = beast::buffers_to_string(buffer_.data());
+    buffer_.clear();
     if (session_ == nullptr)
-      early_ = text;
+      early_ = std::move(text);
     else
       take(text);
     if (ended_) return;
@@ -163,28 +163,23 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     });
   }
 
-  void take(const std::string& text) {
+  void take(const std::string& text) try {
     if (closing_) return;
-    try {
-      const ClientMessage message = parseClientMessage(text, session_->volume());
-      if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
-      session_->take(message);
-    } catch (const Error& failure) {
-      return close(websocket::close_code::policy_error, failure.what());
-    }
+    const ClientMessage message = parseClientMessage(text, session_->volume());
+    if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
+    session_->take(message);
     update();
+  } catch (const Error& failure) {
+    close(websocket::close_code::policy_error, failure.what());
   }
 
-  void update() {
+  void update() try {
     if (session_ == nullptr || closing_) return;
-    std::optional<double> again;
-    try {
-      again = session_->update();
-    } catch (const std::exception& failure) {
-      return fail(failureWords(failure));
-    }
+    const std::optional<double> again = session_->update();
     if (again) return after(*again, [](StreamConnection& self) { self.update(); });
     timer_.cancel();
+  } catch (const std::exception& failure) {
+    fail(failureWords(failure));
   }
 
   // `what` takes the place of what the timer was to do.
