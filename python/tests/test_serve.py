@@ -175,6 +175,7 @@ def test_a_client_that_can_take_little_gets_less(server: Server) -> None:
 
 @pytest.mark.parametrize("message", [
     "", "null", "[]", "{", "\x00", "{}", '{"type":7}', "[" * 60000, '{"type":"wish"}',
+    '{"type":"wish","wish":1,"surfaces":[' + "[" * 30000 + "]" * 30000 + "]}",
     '{"type":"wish","wish":1,"surfaces":[]}', '{"type":"wish","wish":1,"surfaces":[{"iso":"1"}]}',
     '{"type":"wish","wish":1,"surfaces":[{"iso":1e999}]}',
     '{"type":"wish","wish":1,"surfaces":[{"iso":1}],"focus":[1,2]}',
@@ -199,6 +200,11 @@ def test_unknown_messages_and_members_are_left_aside(server: Server) -> None:
         client = Client(line).begin()
         line.send('{"type":"later version","x":[1]}')
         client.until("fine", client.wish(iso=0.5, later=True))
+        # What is nested so deep that copies of it would take all of the stack, too.
+        deep = "[" * 14000 + "]" * 14000
+        line.send(f'{{"type":"wish","wish":900,"x":{deep},"surfaces":[{{"iso":0.5,"x":{deep}}}]}}')
+        client.until("fine", 900)
+        assert ask(server, "/api/volume/0/slice.png?x=" + deep[12000:-12000])[0] == 200
 
 
 def test_random_bytes_and_huge_frames(server: Server) -> None:
@@ -242,6 +248,8 @@ def test_keys_hosts_and_origins(server: Server) -> None:
     status, headers, _ = ask(server, "/api/volumes", Origin=server.address)
     assert status == 200 and "access-control-allow-origin" not in headers
     assert "default-src 'none'" in headers["content-security-policy"]
+    # Beside its own pages the window of VS Code may show it, whose notebooks are frames.
+    assert headers["content-security-policy"].endswith("frame-ancestors 'self' vscode-webview: vscode-file:")
     assert ask(server, "/api/volumes", method="OPTIONS", Origin=server.address)[0] == 405
     status, headers, _ = ask(server, "/api/volumes", method="POST")
     assert status == 405 and headers["allow"] == "GET, HEAD"
@@ -307,13 +315,19 @@ def test_a_folder_and_a_volume(folder: Path, tmp_path: Path) -> None:
     with Server(EXECUTABLE, "serve", scans, "--cache-folder", tmp_path / "cache") as server:
         names = [row["name"] for row in json.loads(ask(server, "/api/volumes")[2])["volumes"]]
         assert names == ["a.isb", "scan.nrrd"]
-        assert ask(server, "/api/volume/1/slice.png")[0] == 409
+        assert ask(server, "/api/volume/1/slice.png?build=0")[0] == 409
         status, _, picture = ask(server, "/api/volume/0/slice.png?size=32")
         assert status == 200 and max(struct.unpack_from(">II", picture, 16)) <= 32
         rows = json.loads(ask(server, "/api/volumes")[2])["volumes"]
         assert [row["state"] for row in rows] == ["closed", "closed"], "a picture opens nothing"
+        # The first that asks has it built, and others wait for the same.
+        paths = ["surface.ply?iso=0.5", "surface.stl?iso=0.5&level=1", "slice.png?axis=y", "slice.png"]
+        with concurrent.futures.ThreadPoolExecutor(8) as pool:
+            answers = list(pool.map(lambda path: ask(server, "/api/volume/1/" + path), 2 * paths))
+        assert [status for status, _, _ in answers] == 8 * [200]
+        assert answers[0][2] == answers[4][2] and answers[0][2].startswith(b"ply\n")
+        assert len(list((tmp_path / "cache").glob("*.isb"))) == 1
         assert opened(server, 1)["dimensions"] == [48, 48, 48]
-        assert list((tmp_path / "cache").glob("*.isb"))
         with server.stream(1) as line:
             client = Client(line).begin()
             client.until("fine", client.wish(iso=0.5))
@@ -322,6 +336,24 @@ def test_a_folder_and_a_volume(folder: Path, tmp_path: Path) -> None:
         with server.stream(0) as line, pytest.raises(ConnectionClosed):
             while True:
                 line.recv(20)
+    with Server(EXECUTABLE, "serve", folder / "field.isb") as server:
+        assert ask(server, "/api/volume/0/surface.glb?iso=0.5")[2].startswith(b"glTF"), "at once"
+
+
+def test_a_volume_that_takes_long_is_said_and_keeps_nobody_waiting(folder: Path, tmp_path: Path) -> None:
+    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
+        assert ranges.stdout is not None
+        url = f"http://127.0.0.1:{int(ranges.stdout.readline())}/hangs/1/field.isb"
+        with (Server(EXECUTABLE, "serve", url, folder / "field.isb", "--cache-folder", tmp_path) as server,
+              concurrent.futures.ThreadPoolExecutor(1) as pool):
+            slow = pool.submit(ask, server, "/api/volume/0/surface.glb?iso=0.5")
+            status, headers, body = ask(server, "/api/volume/0")
+            assert status == 202 and headers["retry-after"] == "1" and b"opening" in body
+            assert ask(server, "/api/volume/1/surface.glb?iso=0.5")[0] == 200 and not slow.done()
+            status, headers, body = slow.result(60)
+            assert status == 503 and headers["retry-after"] == "1" and b"ask again" in body
+        ranges.communicate()
 
 
 def resident_bytes(server: Server) -> int:

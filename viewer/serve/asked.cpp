@@ -18,6 +18,16 @@ using AskedJson = nlohmann::json;
   throw Error(std::string("'") + name + "' is not " + what);
 }
 
+// Without what is nested deeper than anything that is asked for: copies and texts of values use
+// the stack.
+AskedJson parsed(std::string_view text) {
+  constexpr int kMostDepth = 16;
+  const auto is_kept = [](int depth, AskedJson::parse_event_t, const AskedJson&) {
+    return depth < kMostDepth;
+  };
+  return AskedJson::parse(text, is_kept, false);
+}
+
 // "%2C" is ",".
 std::string decoded(std::string_view text) {
   std::string result;
@@ -39,89 +49,68 @@ std::string decoded(std::string_view text) {
 
 // Numbers if it is some, else text.
 AskedJson valueOf(const std::string& word) {
-  const AskedJson list = AskedJson::parse("[" + word + "]", nullptr, false);
+  const AskedJson list = parsed("[" + word + "]");
   if (list.is_discarded()) return word;
   return list.size() == 1 ? list.front() : list;
 }
 
 }  // namespace
 
-Asked::Asked(AskedJson object) : members_(std::move(object)) {
-  if (!members_.is_object()) throw Error("there is something else in place of a JSON object");
+Asked Asked::ofMessage(std::string_view text) {
+  const AskedJson message = parsed(text);
+  if (!message.is_object()) throw Error("there is something else in place of a JSON object");
+  return Asked(message.get<Members>());
 }
 
 Asked Asked::ofAddress(std::string_view words) {
-  AskedJson members = AskedJson::object();
+  Members members;
   while (!words.empty()) {
     const std::string_view word = words.substr(0, words.find('&'));
     words.remove_prefix(std::min(words.size(), word.size() + 1));
     const std::size_t equals = word.find('=');
     if (equals == std::string_view::npos || equals == 0)
       throw Error("the address has a word that is not NAME=VALUE");
-    const std::string name = decoded(word.substr(0, equals));
-    if (members.contains(name)) throw Error("the address has a word twice");
-    members[name] = valueOf(decoded(word.substr(equals + 1)));
+    const std::string value = decoded(word.substr(equals + 1));
+    if (!members.emplace(decoded(word.substr(0, equals)), valueOf(value)).second)
+      throw Error("the address has a word twice");
   }
   return Asked(std::move(members));
 }
 
-const AskedJson* Asked::find(const char* name) const {
+template <typename T>
+std::optional<T> Asked::of(const char* name, const std::string& what) const {
   const auto found = members_.find(name);
-  return found == members_.end() || found->is_null() ? nullptr : &*found;
-}
-
-template <std::size_t N>
-std::optional<std::array<double, N>> Asked::numbers(const char* name) const {
-  const AskedJson* const value = find(name);
-  if (value == nullptr) return std::nullopt;
-  std::array<double, N> numbers{};
-  for (std::size_t i = 0; i < N; ++i) {
-    const bool is_there = N == 1 || (value->is_array() && value->size() == N);
-    const AskedJson& number = N == 1 || !is_there ? *value : (*value)[i];
-    if (!number.is_number() || !is_there)
-      refuseMember(name, N == 1 ? "a number" : std::to_string(N) + " numbers");
-    numbers[i] = number.get<double>();
+  if (found == members_.end() || found->second.is_null()) return std::nullopt;
+  try {
+    T value = found->second.get<T>();
+    if (AskedJson(value) == found->second) return value;  // nothing was left out or changed
+  } catch (const AskedJson::exception&) {
   }
-  return numbers;
+  refuseMember(name, what);
 }
 
-std::optional<double> Asked::number(const char* name) const {
-  const auto number = numbers<1>(name);
-  return number ? std::optional((*number)[0]) : std::nullopt;
-}
+std::optional<double> Asked::number(const char* name) const { return of<double>(name, "a number"); }
 
 std::optional<std::array<double, 2>> Asked::pair(const char* name) const {
-  return numbers<2>(name);
+  return of<std::array<double, 2>>(name, "2 numbers");
 }
 
 std::optional<glm::dvec3> Asked::point(const char* name) const {
   constexpr double kFar = 1e12;
-  const auto point = numbers<3>(name);
+  const auto point = of<std::array<double, 3>>(name, "3 numbers");
   if (!point) return std::nullopt;
   return glm::clamp(glm::make_vec3(point->data()), glm::dvec3(-kFar), glm::dvec3(kFar));
 }
 
-template <typename T>
-std::optional<T> Asked::of(const char* name, AskedJson::value_t type, const char* what) const {
-  const AskedJson* const value = find(name);
-  if (value == nullptr) return std::nullopt;
-  if (value->type() != type) refuseMember(name, what);
-  return value->get<T>();
-}
-
-std::optional<bool> Asked::flag(const char* name) const {
-  return of<bool>(name, AskedJson::value_t::boolean, "true or false");
-}
+std::optional<bool> Asked::flag(const char* name) const { return of<bool>(name, "true or false"); }
 
 std::optional<Asked> Asked::object(const char* name) const {
-  const AskedJson* const value = find(name);
-  if (value == nullptr) return std::nullopt;
-  if (!value->is_object()) refuseMember(name, "an object");
-  return Asked(*value);
+  auto members = of<Members>(name, "an object");
+  return members ? std::optional(Asked(std::move(*members))) : std::nullopt;
 }
 
 std::string Asked::text(const char* name) const {
-  return of<std::string>(name, AskedJson::value_t::string, "text").value_or("");
+  return of<std::string>(name, "text").value_or("");
 }
 
 std::optional<double> Asked::within(const char* name, double least, double most) const {
@@ -149,14 +138,15 @@ double Asked::needed(const char* name, double least, double most) const {
 }
 
 std::vector<Asked> Asked::objects(const char* name, std::size_t most) const {
-  const AskedJson* const value = find(name);
-  if (value == nullptr || !value->is_array() || value->empty() || value->size() > most ||
-      !std::all_of(value->begin(), value->end(), [](const auto& one) { return one.is_object(); }))
-    refuseMember(name, "a list of 1 to " + std::to_string(most) + " objects");
-  return std::vector<Asked>(value->begin(), value->end());
+  const std::string what = "a list of 1 to " + std::to_string(most) + " objects";
+  auto list = of<std::vector<Members>>(name, what);
+  if (!list || list->empty() || list->size() > most) refuseMember(name, what);
+  std::vector<Asked> result;
+  for (Members& members : *list) result.push_back(Asked(std::move(members)));
+  return result;
 }
 
-std::string Asked::normalized() const { return jsonText(members_); }
+std::string Asked::normalized() const { return jsonText(AskedJson(members_)); }
 
 std::string jsonText(const nlohmann::ordered_json& json) {
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);

@@ -15,9 +15,9 @@ namespace isobrick {
 
 class Asked {
  public:
-  // Throws Error, one line, as all members do, for what is no object.
-  explicit Asked(nlohmann::json object);
-  // "iso=500&focus=1,2,3" is {"iso": 500, "focus": [1, 2, 3]}. Throws Error for other text.
+  // Both throw Error, one line, as all members do, for other text.
+  static Asked ofMessage(std::string_view text);
+  // "iso=500&focus=1,2,3" is {"iso": 500, "focus": [1, 2, 3]}.
   static Asked ofAddress(std::string_view words);
 
   // Each is nothing if there is none of this name, or null. Throws Error, which has the name, for
@@ -44,13 +44,12 @@ class Asked {
   std::string normalized() const;
 
  private:
-  const nlohmann::json* find(const char* name) const;
-  template <std::size_t N>
-  std::optional<std::array<double, N>> numbers(const char* name) const;
+  using Members = nlohmann::json::object_t;
+  explicit Asked(Members members) : members_(std::move(members)) {}
   template <typename T>
-  std::optional<T> of(const char* name, nlohmann::json::value_t type, const char* what) const;
+  std::optional<T> of(const char* name, const std::string& what) const;
 
-  nlohmann::json members_;
+  Members members_;
 };
 
 // Of a message or an answer; bytes that are no UTF-8 are replaced.

@@ -53,7 +53,7 @@ ClientWish clientWishOf(const Asked& asked, const ViewVolume& volume) {
 
 ClientMessage parseClientMessage(std::string_view text, const ViewVolume& volume) {
   if (text.size() > kMostMessageBytes) throw Error("the message is too long");
-  const Asked asked(nlohmann::json::parse(text, nullptr, false));
+  const Asked asked = Asked::ofMessage(text);
   const std::string type = asked.text("type");
   if (type.empty()) throw Error("the message has no 'type'");
   if (type == "wish") return clientWishOf(asked, volume);

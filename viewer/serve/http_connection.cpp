@@ -2,6 +2,8 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
@@ -9,6 +11,7 @@
 #include <cstdlib>
 #include <exception>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 #include <string_view>
@@ -32,7 +35,13 @@ using HttpError = boost::system::error_code;
 using Field = http::field;
 using Status = http::status;
 
+// Beside those of all answers.
+using Fields = std::initializer_list<std::pair<Field, std::string_view>>;
+
 constexpr std::size_t kMostHeaderBytes = 8 << 10;
+// A request waits so long for its volume to be opened; who asks again may wait longer.
+constexpr int kMostLooks = 400;
+constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
 constexpr std::string_view kTextType = "text/plain; charset=utf-8";
 constexpr char kNoSuchName[] = "there is nothing of this name";
 
@@ -47,6 +56,7 @@ void require(bool is_so, Status status, const char* why) {
 }
 
 std::string_view textOf(beast::string_view text) { return {text.data(), text.size()}; }
+beast::string_view beastText(std::string_view text) { return {text.data(), text.size()}; }
 
 // By the ending of a name.
 std::string_view typeOf(std::string_view name) {
@@ -87,13 +97,14 @@ std::string keyOfProtocols(beast::string_view protocols) {
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   HttpConnection(boost::asio::ip::tcp::socket socket, ServerState& state)
-      : state_(state), stream_(std::move(socket)) {
+      : state_(state), stream_(std::move(socket)), timer_(state.io) {
     ++state_.connections;
   }
   ~HttpConnection() { --state_.connections; }
 
   void read() {
     is_foreign_ = false;
+    looks_ = 0;
     parser_.emplace();
     parser_->header_limit(kMostHeaderBytes);
     parser_->body_limit(0);
@@ -110,7 +121,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     if (!error) {
       request_ = parser_->release();
       ++state_.counted.requests;
-      return doOrRefuse(Status::bad_request, [](HttpConnection& self) { self.answer(); });
+      return doOrRefuse(Status::bad_request, &HttpConnection::answer);
     }
     if (error == http::error::end_of_stream || error == beast::error::timeout ||
         error.category() != http::make_error_code(http::error::header_limit).category())
@@ -135,28 +146,27 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::string_view header(Field name) const { return textOf(request_[name]); }
   bool isHead() const { return request_.method() == http::verb::head; }
 
-  bool isForOwnHost() const {
+  void answer() {
+    const std::string_view origin = header(Field::origin), host = header(Field::host);
     HttpError error;
     const auto local = stream_.socket().local_endpoint(error);
-    return !error && state_.access.isOwnHost(header(Field::host), hostText(local));
-  }
-
-  void answer() {
-    const std::string_view origin = header(Field::origin);
-    require(isForOwnHost(), Status::forbidden,
+    require(!error && state_.access.isOwnHost(host, hostText(local)), Status::forbidden,
             "the server has another name; open the address that it printed, or start it with "
             "--origin");
     is_foreign_ = state_.access.isForeign(origin);
-    require(state_.access.isAllowedOrigin(origin, header(Field::host)), Status::forbidden,
+    require(state_.access.isAllowedOrigin(origin, host), Status::forbidden,
             "a page from there may not ask this server");
     std::string_view path = textOf(request_.target());
     require(path.starts_with(state_.options.base_path), Status::not_found, kNoSuchName);
     path.remove_prefix(state_.options.base_path.size());
-    const std::string_view whole = path;
-    path = path.substr(0, path.find('?'));
-    const Asked words = Asked::ofAddress(whole.substr(std::min(whole.size(), path.size() + 1)));
-
-    if (request_.method() == http::verb::options && is_foreign_) return allowForeign();
+    const std::size_t end = std::min(path.size(), path.find('?'));
+    const Asked words = Asked::ofAddress(path.substr(std::min(path.size(), end + 1)));
+    path = path.substr(0, end);
+    if (request_.method() == http::verb::options && is_foreign_)
+      return reply(Status::no_content, kTextType, "",
+                   {{Field::access_control_allow_methods, "GET"},
+                    {Field::access_control_allow_headers, "Authorization, If-None-Match"},
+                    {Field::access_control_max_age, "600"}});
     require(request_.method() == http::verb::get || isHead(), Status::method_not_allowed,
             "this server answers GET and HEAD alone");
     if (path == "/healthz") return reply(Status::ok, kTextType, "ok\n");
@@ -194,12 +204,11 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     const PageFile* const packed = pageFile(name + ".gz");
     const bool takes_packed =
         packed != nullptr && header(Field::accept_encoding).find("gzip") != std::string_view::npos;
-    auto response = begin<http::string_body>(Status::ok, typeOf(name));
-    response.body() = takes_packed ? packed->bytes : plain->bytes;
-    if (takes_packed) response.set(Field::content_encoding, "gzip");
-    response.set(Field::vary, "Accept-Encoding");
-    response.set(Field::cache_control, "no-cache");
-    send(std::move(response));
+    const std::pair kept{Field::cache_control, std::string_view("no-cache")};
+    const std::pair varies{Field::vary, std::string_view("Accept-Encoding")};
+    if (!takes_packed) return reply(Status::ok, typeOf(name), plain->bytes, {kept, varies});
+    reply(Status::ok, typeOf(name), packed->bytes,
+          {kept, varies, {Field::content_encoding, "gzip"}});
   }
 
   void sendList() {
@@ -210,11 +219,28 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
               {{"protocol", 1}, {"version", ISOBRICK_VERSION}, {"volumes", std::move(volumes)}});
   }
 
-  void sendFacts(std::size_t volume) {
+  // The volume, which begins to be opened, or null.
+  std::shared_ptr<const OpenedVolume> openedVolume(std::size_t volume) {
     std::string error;
-    const bool is_open = state_.volumes.open(volume, error) != nullptr;
+    const auto opened = state_.volumes.open(volume, error);
     require(error.empty(), Status::internal_server_error, error.c_str());
-    if (is_open) return replyJson(Status::ok, state_.volumes.factsOf(volume));
+    return opened;
+  }
+
+  // When the volume may be open.
+  void answerLater() {
+    require(++looks_ < kMostLooks, Status::service_unavailable,
+            "the volume is still being opened or built; ask again");
+    stream_.expires_never();
+    timer_.expires_after(kBetweenLooks);
+    timer_.async_wait([self = shared_from_this()](HttpError stopped) {
+      if (!stopped) self->doOrRefuse(Status::bad_request, &HttpConnection::answer);
+    });
+  }
+
+  void sendFacts(std::size_t volume) {
+    if (openedVolume(volume) != nullptr)
+      return replyJson(Status::ok, state_.volumes.factsOf(volume));
     replyJson(Status::accepted, state_.volumes.entryOf(volume));
   }
 
@@ -226,16 +252,17 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     startStreamConnection(std::move(stream_), request_, volume, state_);
   }
 
-  // Of the volume if it is open. A pyramid that is not is opened for that alone, since a list of
-  // volumes shows slices.
+  // A pyramid that is not open is opened for the slice alone, since a list of volumes shows slices.
   void sendSlice(std::size_t volume, const Asked& words) {
     constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
     const std::string path = state_.volumes.pathOf(volume);
     std::shared_ptr<const OpenedVolume> opened = state_.volumes.find(volume);
-    if (opened == nullptr)
-      requireOpen(isPyramidFile(path));
-    else
-      slicePictureOrder(words, *opened->file);  // refused before it waits
+    if (opened == nullptr && !isPyramidFile(path)) {
+      require(words.integer("build", 0, 1) != 0, Status::conflict, "the volume is not open yet");
+      opened = openedVolume(volume);
+      if (opened == nullptr) return answerLater();
+    }
+    if (opened != nullptr) slicePictureOrder(words, *opened->file);  // refused before it waits
     run(state_.slices, [opened, path, words, &state = state_]() mutable -> Then {
       if (opened == nullptr)
         opened = std::make_shared<const OpenedVolume>(
@@ -248,15 +275,12 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   }
 
   void sendSurface(std::size_t volume, const Asked& words, const std::string& extension) {
-    const std::shared_ptr<const OpenedVolume> opened = state_.volumes.find(volume);
-    requireOpen(opened != nullptr);
     const SurfaceFileOrder order = surfaceFileOrder(words, extension);
+    const std::shared_ptr<const OpenedVolume> opened = openedVolume(volume);
+    if (opened == nullptr) return answerLater();
     const std::string tag = surfaceTag(*opened, words, extension);
-    if (header(Field::if_none_match) == tag) {
-      auto response = begin<http::empty_body>(Status::not_modified, typeOf(extension));
-      response.set(Field::etag, tag);
-      return send(std::move(response));
-    }
+    if (header(Field::if_none_match) == tag)
+      return reply(Status::not_modified, typeOf(extension), "", {{Field::etag, tag}});
     const std::string path = newFile() + extension;
     run(state_.surfaces, [opened, order, path, tag, &state = state_]() -> Then {
       tbb::task_arena arena(state.options.threads);
@@ -265,19 +289,14 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     });
   }
 
-  static void requireOpen(bool is_open) {
-    require(is_open, Status::conflict, "the volume is not open yet; ask for it first");
-  }
-
   void sendFile(const std::string& path, const std::string& tag) {
-    auto response = begin<http::file_body>(Status::ok, typeOf(path));
+    http::file_body::value_type file;
     HttpError error;
-    response.body().open(path.c_str(), beast::file_mode::scan, error);
+    file.open(path.c_str(), beast::file_mode::scan, error);
     removeName(path);
     require(!error, Status::internal_server_error, "the surface was lost before it was sent");
-    response.set(Field::etag, tag);
-    response.set(Field::cache_control, "private, no-cache");
-    send(std::move(response));
+    send<http::file_body>(Status::ok, typeOf(path), std::move(file),
+                          {{Field::etag, tag}, {Field::cache_control, "private, no-cache"}});
   }
 
   std::string newFile() {
@@ -292,31 +311,26 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   // `work` on the queue's thread, then what it returns here.
   template <typename Work>
   void run(JobQueue& queue, Work work) {
-    stream_.expires_never();
-    auto job = [self = shared_from_this(), work = std::move(work)]() mutable {
-      Then then;
-      try {
-        then = work();
-      } catch (const std::exception& failure) {
-        then = [why = failureWords(failure)](HttpConnection& connection) {
-          connection.refuse(Status::internal_server_error, why);
-        };
-      }
-      auto& io = self->state_.io;
-      boost::asio::post(io, [self = std::move(self), then = std::move(then)] {
-        self->doOrRefuse(Status::internal_server_error, then);
-      });
-    };
-    require(queue.add(std::move(job)), Status::service_unavailable,
+    require(queue.jobs < queue.most_jobs, Status::service_unavailable,
             "too much is asked for already; try again later");
-  }
-
-  void allowForeign() {
-    auto response = begin<http::empty_body>(Status::no_content, kTextType);
-    response.set(Field::access_control_allow_methods, "GET");
-    response.set(Field::access_control_allow_headers, "Authorization, If-None-Match");
-    response.set(Field::access_control_max_age, "600");
-    send(std::move(response));
+    ++queue.jobs;
+    stream_.expires_never();
+    boost::asio::post(
+        queue.thread, [self = shared_from_this(), work = std::move(work), &queue]() mutable {
+          Then then;
+          try {
+            then = work();
+          } catch (...) {
+            then = [failure = std::current_exception()](HttpConnection&) {
+              std::rethrow_exception(failure);
+            };
+          }
+          auto& io = self->state_.io;
+          boost::asio::post(io, [self = std::move(self), then = std::move(then), &queue] {
+            --queue.jobs;
+            self->doOrRefuse(Status::internal_server_error, then);
+          });
+        });
   }
 
   std::string metrics() const {
@@ -335,31 +349,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     return text;
   }
 
-  template <typename Body>
-  http::response<Body> begin(Status status, std::string_view type) const {
-    http::response<Body> response(status, request_.version());
-    response.keep_alive(request_.keep_alive());
-    response.set(Field::content_type, beast::string_view(type.data(), type.size()));
-    response.set("X-Content-Type-Options", "nosniff");
-    response.set("Referrer-Policy", "no-referrer");
-    response.set("Cross-Origin-Resource-Policy", "same-origin");
-    response.set("Content-Security-Policy", state_.access.contentPolicy());
-    response.set(Field::cache_control, "no-store");
-    if (is_foreign_) {
-      response.set(Field::access_control_allow_origin, request_[Field::origin]);
-      response.set(Field::access_control_expose_headers, "ETag");
-      response.set(Field::vary, "Origin");
-    }
-    return response;
-  }
-
-  void reply(Status status, std::string_view type, std::string text) {
-    auto response = begin<http::string_body>(status, type);
-    response.body() = std::move(text);
-    if (status == Status::service_unavailable) response.set(Field::retry_after, "1");
-    if (status == Status::unauthorized) response.set(Field::www_authenticate, "Bearer");
-    if (status == Status::method_not_allowed) response.set(Field::allow, "GET, HEAD");
-    send(std::move(response));
+  void reply(Status status, std::string_view type, std::string_view text, Fields fields = {}) {
+    send<http::string_body>(status, type, std::string(text), fields);
   }
   void replyJson(Status status, const AnswerJson& json) {
     reply(status, typeOf(".json"), jsonText(json));
@@ -377,7 +368,25 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     http::response_serializer<Body> serializer{response};
   };
   template <typename Body>
-  void send(http::response<Body> response) {
+  void send(Status status, std::string_view type, typename Body::value_type body, Fields fields) {
+    http::response<Body> response(status, request_.version(), std::move(body));
+    response.keep_alive(request_.keep_alive());
+    response.set(Field::content_type, beastText(type));
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Referrer-Policy", "no-referrer");
+    response.set("Cross-Origin-Resource-Policy", "same-origin");
+    response.set("Content-Security-Policy", state_.access.contentPolicy());
+    response.set(Field::cache_control, "no-store");
+    if (is_foreign_) {
+      response.set(Field::access_control_allow_origin, request_[Field::origin]);
+      response.set(Field::access_control_expose_headers, "ETag");
+      response.set(Field::vary, "Origin");
+    }
+    if (status == Status::accepted || status == Status::service_unavailable)
+      response.set(Field::retry_after, "1");
+    if (status == Status::unauthorized) response.set(Field::www_authenticate, "Bearer");
+    if (status == Status::method_not_allowed) response.set(Field::allow, "GET, HEAD");
+    for (const auto& [name, value] : fields) response.set(name, beastText(value));
     response.prepare_payload();
     const auto sending = std::make_shared<Sending<Body>>(std::move(response));
     sending->serializer.split(isHead());
@@ -405,6 +414,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   beast::flat_buffer buffer_{2 * kMostHeaderBytes};
   std::optional<http::request_parser<http::empty_body>> parser_;
   HttpRequest request_;
+  boost::asio::steady_timer timer_;
+  int looks_ = 0;  // at a volume that is being opened
   bool is_foreign_ = false;
 };
 

@@ -1,10 +1,8 @@
 // What the connections of a server share. Private to viewer/serve/http_*.
 #pragma once
 
-#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
-#include <boost/asio/post.hpp>
 #include <boost/asio/thread_pool.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
@@ -30,28 +28,12 @@ inline constexpr int kRequestSeconds = 10;
 // Without a sign of life of a client, or without its taking any of an answer.
 inline constexpr int kIdleSeconds = 60;
 
-// A thread for work that the network does not wait for, in the order in which it comes. The
+// A thread for work that the network does not wait for, in the order in which it comes. Its
 // destructor waits for the job under way, and forgets those behind it.
-class JobQueue {
- public:
-  explicit JobQueue(std::size_t most_waiting) : most_waiting_(most_waiting) {}
-
-  // False, and nothing is done, if too many wait. A job throws nothing.
-  template <typename Job>
-  bool add(Job job) {
-    if (waiting_ >= most_waiting_) return false;
-    ++waiting_;
-    boost::asio::post(thread_, [this, job = std::move(job)]() mutable {
-      --waiting_;
-      job();
-    });
-    return true;
-  }
-
- private:
-  const std::size_t most_waiting_;
-  std::atomic<std::size_t> waiting_{0};
-  boost::asio::thread_pool thread_{1};
+struct JobQueue {
+  const std::size_t most_jobs;
+  std::size_t jobs = 0;
+  boost::asio::thread_pool thread{1};
 };
 
 // All of it but jobs belongs to the thread of `io`.
@@ -67,14 +49,13 @@ struct ServerState {
   const ServeOptions options;
   Access access;
   ServedVolumes volumes;
-  struct {
-    std::uint64_t requests = 0, refused = 0, clients = 0, bytes = 0, chunks = 0, wishes = 0;
-  } counted;
+  ServeSummary counted;
   std::string folder;  // for surfaces on their way; empty: none was needed yet
   std::uint64_t last_file = 0;
   CancelFlag stop;  // of jobs
   // Last: their threads use the above. The last one ends sessions, which may wait for extractions.
-  JobQueue surfaces{8}, slices{64}, ends{~std::size_t{0}};
+  JobQueue surfaces{8}, slices{64};
+  boost::asio::thread_pool ends{1};
 };
 
 using HttpRequest = boost::beast::http::request<boost::beast::http::empty_body>;

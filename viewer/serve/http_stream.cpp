@@ -60,8 +60,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     pause_.cancel();
     beast::get_lowest_layer(socket_).close();
     state_.clients.erase(this);
-    if (session_ == nullptr) return;
-    state_.ends.add([session = std::exchange(session_, nullptr)]() mutable { session.reset(); });
+    asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
   }
 
   void start(const HttpRequest& request) {
@@ -82,9 +81,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     });
   }
 
-  void sendText(const std::string& text) override {
+  void sendWord(const nlohmann::ordered_json& word) override {
+    const std::string text = jsonText(word);
     const auto* const bytes = reinterpret_cast<const std::byte*>(text.data());
-    send({false, std::vector<std::byte>(bytes, bytes + text.size())});
+    send({false, {bytes, bytes + text.size()}});
   }
   void sendChunk(std::vector<std::byte> packet) override {
     ++state_.counted.chunks;
@@ -146,10 +146,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void onRead(StreamError error) {
     if (error || ended_) return end();
-    const std::string text = beast::buffers_to_string(buffer_.data());
-    buffer_.consume(buffer_.size());
+    std::string text = beast::buffers_to_string(buffer_.data());
+    buffer_.clear();
     if (session_ == nullptr)
-      early_ = text;
+      early_ = std::move(text);
     else
       take(text);
     if (ended_) return;
@@ -163,28 +163,23 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     });
   }
 
-  void take(const std::string& text) {
+  void take(const std::string& text) try {
     if (closing_) return;
-    try {
-      const ClientMessage message = parseClientMessage(text, session_->volume());
-      if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
-      session_->take(message);
-    } catch (const Error& failure) {
-      return close(websocket::close_code::policy_error, failure.what());
-    }
+    const ClientMessage message = parseClientMessage(text, session_->volume());
+    if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
+    session_->take(message);
     update();
+  } catch (const Error& failure) {
+    close(websocket::close_code::policy_error, failure.what());
   }
 
-  void update() {
+  void update() try {
     if (session_ == nullptr || closing_) return;
-    std::optional<double> again;
-    try {
-      again = session_->update();
-    } catch (const std::exception& failure) {
-      return fail(failureWords(failure));
-    }
+    const std::optional<double> again = session_->update();
     if (again) return after(*again, [](StreamConnection& self) { self.update(); });
     timer_.cancel();
+  } catch (const std::exception& failure) {
+    fail(failureWords(failure));
   }
 
   // `what` takes the place of what the timer was to do.
@@ -198,7 +193,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void sendTyped(const char* type, nlohmann::ordered_json json) {
     json["type"] = type;
-    sendText(jsonText(json));
+    sendWord(json);
   }
 
   void send(Message message) {

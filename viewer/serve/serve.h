@@ -30,8 +30,9 @@ struct ServeOptions {
 };
 
 struct ServeSummary {
-  std::uint64_t requests = 0, clients = 0;  // of HTTP, and of streams
-  std::uint64_t bytes = 0;                  // sent, without headers of the network
+  std::uint64_t requests = 0, refused = 0;            // of HTTP
+  std::uint64_t clients = 0, wishes = 0, chunks = 0;  // of streams
+  std::uint64_t bytes = 0;                            // sent, without headers of the network
   double seconds = 0.0;
 };
 

@@ -36,9 +36,7 @@ VolumeJson listOf(const T& numbers) {
 VolumeJson histogramJson(const ValueHistogram& histogram) {
   VolumeJson json{
       {"least", histogram.least}, {"greatest", histogram.greatest}, {"counts", histogram.counts}};
-  if (histogram.edges.empty()) return json;
-  VolumeJson& triangles = json["triangles"] = VolumeJson::array();
-  for (const double edges : histogram.edges) triangles.push_back(2.0 * edges);
+  for (const double edges : histogram.edges) json["triangles"].push_back(2.0 * edges);
   return json;
 }
 

@@ -5,7 +5,6 @@
 #include <utility>
 #include <variant>
 
-#include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/listed_components.h"
 
@@ -176,15 +175,14 @@ void SurfaceSession::tellShown() {
 }
 
 void SurfaceSession::tellDropped() {
-  const std::vector<ChunkId> dropped = chunks_.takeDropped();
-  if (dropped.empty()) return;
-  line_.sendText(jsonText({{"type", "drop"}, {"drop", rangesOf(dropped)}}));
+  if (const std::vector<ChunkId> dropped = chunks_.takeDropped(); !dropped.empty())
+    line_.sendWord({{"type", "drop"}, {"drop", rangesOf(dropped)}});
 }
 
 void SurfaceSession::tellState() {
   if (const std::string& error = requests_.error(); error != told_error_) {
     told_error_ = error;
-    if (!error.empty()) line_.sendText(jsonText({{"type", "error"}, {"error", error}}));
+    if (!error.empty()) line_.sendWord({{"type", "error"}, {"error", error}});
   }
   if (told_fine_ || !wish_ || !requests_.isFine(wish_->surfaces)) return;
   told_fine_ = true;
@@ -195,7 +193,7 @@ void SurfaceSession::tellWithLimit(SessionJson message) const {
   if (requests_.isOverBudget())
     message["limited"] =
         "coarser than wished: all of it is more than the browser or the connection can take";
-  line_.sendText(jsonText(message));
+  line_.sendWord(message);
 }
 
 }  // namespace isobrick

@@ -24,7 +24,7 @@ namespace isobrick {
 class ClientLine {
  public:
   virtual ~ClientLine() = default;
-  virtual void sendText(const std::string& text) = 0;
+  virtual void sendWord(const nlohmann::ordered_json& word) = 0;
   virtual void sendChunk(std::vector<std::byte> packet) = 0;
   // Little enough is on its way for another chunk to follow.
   virtual bool hasRoom() const = 0;

@@ -19,17 +19,15 @@ IndexPlane planeOf(const Asked& words, const Index3& voxels) {
   const auto corner = words.point("corner"), across = words.point("across");
   const auto along = words.point("along");
   if (corner && across && along) {
-    IndexPlane plane{*corner, *across, *along};
-    for (const glm::dvec3* const part : {&plane.corner, &plane.across, &plane.along})
-      if (glm::any(glm::greaterThan(glm::abs(*part), glm::dvec3(kFarVoxels))))
+    for (const glm::dvec3& part : {*corner, *across, *along})
+      if (glm::any(glm::greaterThan(glm::abs(part), glm::dvec3(kFarVoxels))))
         throw Error("the plane of the slice lies too far away");
-    return plane;
+    return {*corner, *across, *along};
   }
   if (corner || across || along) throw Error("'corner', 'across' and 'along' come together");
-  const std::string name = words.text("axis").empty() ? "z" : words.text("axis");
-  const std::size_t found = std::string("xyz").find(name);
-  if (name.size() != 1 || found == std::string::npos) throw Error("'axis' is not x, y or z");
-  const auto axis = static_cast<int>(found);
+  const std::string name = words.text("axis");
+  const int axis = name.empty() || name == "z" ? 2 : name == "y" ? 1 : 0;
+  if (axis == 0 && name != "x") throw Error("'axis' is not x, y or z");
   const auto last = static_cast<double>(voxels[axis] - 1);
   return slicePlane(voxels, axis,
                     words.within("position", 0.0, last).value_or(std::floor(0.5 * last)));

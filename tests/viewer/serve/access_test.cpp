@@ -50,7 +50,8 @@ TEST(Access, OriginsAreTheServersOwnOrAllowedOnes) {
        {"null", "https://127.0.0.1:8080", "http://127.0.0.1:8081", "http://127.0.0.1",
         "http://scans.example.org", "https://evil.org", "https://scans.example.org.evil.org"})
     EXPECT_FALSE(access.isAllowedOrigin(bad, kLocal)) << bad;
-  EXPECT_NE(access.contentPolicy().find("frame-ancestors 'self' https://scans.example.org"),
+  EXPECT_NE(access.contentPolicy().find(
+                "frame-ancestors 'self' vscode-webview: vscode-file: https://scans.example.org"),
             std::string::npos);
 }
 

@@ -67,6 +67,18 @@ TEST(ClientMessage, OthersAreUnknownOrRefused) {
     EXPECT_THROW(parse(wrong), Error) << wrong;
 }
 
+// Copies of values use the stack.
+TEST(ClientMessage, WhatIsNestedDeepIsLeftAside) {
+  const std::string deep = std::string(15'000, '[') + std::string(15'000, ']');
+  const auto wish = std::get<ClientWish>(parseClientMessage(
+      R"({"type":"wish","wish":1,"x":)" + deep + R"(,"surfaces":[{"iso":7,"x":)" + deep + "}]}",
+      volumeOfMessages()));
+  EXPECT_EQ(wish.surfaces.surfaces[0].isovalue, 7.0);
+  EXPECT_THROW(
+      parseClientMessage(R"({"type":"wish","wish":1,"surfaces":)" + deep + "}", volumeOfMessages()),
+      Error);
+}
+
 void expectBounded(const ClientWish& wish, const ViewVolume& volume) {
   const SurfaceWish& surfaces = wish.surfaces;
   ASSERT_FALSE(surfaces.surfaces.empty());

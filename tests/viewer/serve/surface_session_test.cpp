@@ -65,8 +65,8 @@ struct JoinedMesh {
 
 class TestLine : public ClientLine {
  public:
-  void sendText(const std::string& text) override {
-    const auto json = nlohmann::json::parse(text);
+  void sendWord(const nlohmann::ordered_json& word) override {
+    const nlohmann::json json = word;
     said.push_back(json);
     for (const auto& range : json.value("show", nlohmann::json::array()))
       for (std::uint32_t id = range[0]; id <= range[1].get<std::uint32_t>(); ++id) shown.insert(id);

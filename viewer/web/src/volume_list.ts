@@ -6,7 +6,7 @@ const kPause = 1000; // milliseconds, of a server that draws for others
 
 async function pictureOf(id: number, token: string, tries = 5): Promise<string | undefined> {
   try {
-    return URL.createObjectURL(await (await request(`volume/${id}/slice.png?size=320`, token)).blob());
+    return URL.createObjectURL(await (await request(`volume/${id}/slice.png?size=320&build=0`, token)).blob());
   } catch (error) {
     if ((error as { status?: number }).status !== 503 || tries === 0) return undefined;
     await new Promise((done) => setTimeout(done, kPause));
