@@ -27,8 +27,8 @@ constexpr double kMostOffGrid = 0.01, kMostRounding = 0.4;
 constexpr double kCoarsestDecimal = 0.1;
 
 bool haveAllPositions(const std::vector<DicomPlace>& places) {
-  return std::all_of(places.begin(), places.end(),
-                     [](const DicomPlace& place) { return place.position.has_value(); });
+  return std::ranges::all_of(places,
+                             [](const DicomPlace& place) { return place.position.has_value(); });
 }
 
 // Without positions it cannot be decided: true.
@@ -36,7 +36,7 @@ bool areSomeAtOnePosition(const std::vector<DicomPlace>& places, const glm::dvec
   if (!haveAllPositions(places)) return true;
   std::vector<double> heights;
   for (const DicomPlace& place : places) heights.push_back(glm::dot(*place.position, normal));
-  std::sort(heights.begin(), heights.end());
+  std::ranges::sort(heights);
   const double mean_gap = (heights.back() - heights.front()) /
                           static_cast<double>(std::max<std::size_t>(heights.size(), 2) - 1);
   for (std::size_t i = 1; i < heights.size(); ++i)
@@ -147,15 +147,15 @@ void chooseDicomVolume(const DicomStackWords& words,
 bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& places,
                      GridGeometry& geometry, std::vector<std::string>& notes) {
   if (!haveAllPositions(places)) {
-    std::stable_sort(places.begin(), places.end(),
-                     [](const DicomPlace& a, const DicomPlace& b) { return a.number < b.number; });
+    std::ranges::stable_sort(
+        places, [](const DicomPlace& a, const DicomPlace& b) { return a.number < b.number; });
     return false;
   }
   const glm::dvec3 normal =
       glm::normalize(glm::cross(geometry.direction[0], geometry.direction[1]));
   const auto height = [&](const DicomPlace& place) { return glm::dot(*place.position, normal); };
-  std::stable_sort(places.begin(), places.end(),
-                   [&](const DicomPlace& a, const DicomPlace& b) { return height(a) < height(b); });
+  std::ranges::stable_sort(
+      places, [&](const DicomPlace& a, const DicomPlace& b) { return height(a) < height(b); });
   const auto count = static_cast<double>(places.size() - 1);
   const glm::dvec3 origin = *places.front().position;
   const glm::dvec3 step = (*places.back().position - origin) / count;
@@ -267,9 +267,7 @@ void sortDimensions(const DicomHeader& header, std::size_t frame, DicomPlace& pl
     const auto pointer = header.dimensions[i].find(dicom::kDimensionIndexPointer);
     if (pointer == header.dimensions[i].end()) continue;
     const auto tag = static_cast<std::uint32_t>(integer(pointer->second, 0));
-    const auto isIn = [&](const auto& tags) {
-      return std::find(tags.begin(), tags.end(), tag) != tags.end();
-    };
+    const auto isIn = [&](const auto& tags) { return std::ranges::find(tags, tag) != tags.end(); };
     if (isIn(kPlaceDimensions)) continue;
     (isIn(kTimeDimensions) ? place.time : place.channel)
         .push_back(static_cast<std::int64_t>(indices[i]));

@@ -39,7 +39,7 @@ std::vector<std::string> exrFilesIn(const std::string& folder) {
   std::vector<std::string> files;
   for (std::string& file : filesInFolder(folder))
     if (lowerExtension(file) == ".exr") files.push_back(std::move(file));
-  std::sort(files.begin(), files.end(), numericNameLess);
+  std::ranges::sort(files, numericNameLess);
   return files;
 }
 

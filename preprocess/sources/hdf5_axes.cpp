@@ -90,15 +90,15 @@ class AxisFinder {
   }
 
   bool isOfSpace(std::size_t i) const {
-    return std::find(axes_.of_space.begin(), axes_.of_space.end(), i) != axes_.of_space.end();
+    return std::ranges::find(axes_.of_space, i) != axes_.of_space.end();
   }
 
   bool findByName() {
     constexpr std::array kRoles = {Role::kX, Role::kY, Role::kZ};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (std::count(roles_.begin(), roles_.end(), kRoles[axis]) != 1) return false;
-      axes_.of_space[axis] = static_cast<std::size_t>(
-          std::find(roles_.begin(), roles_.end(), kRoles[axis]) - roles_.begin());
+      if (std::ranges::count(roles_, kRoles[axis]) != 1) return false;
+      axes_.of_space[axis] =
+          static_cast<std::size_t>(std::ranges::find(roles_, kRoles[axis]) - roles_.begin());
     }
     return true;
   }
@@ -114,7 +114,7 @@ class AxisFinder {
                           [&](std::size_t i) { return dims_[i] != 1; });
     candidates.resize(3);
     std::sort(candidates.rbegin(), candidates.rend());
-    std::copy(candidates.begin(), candidates.end(), axes_.of_space.begin());
+    std::ranges::copy(candidates, axes_.of_space.begin());
   }
 
   void fixOthers() {
@@ -168,8 +168,8 @@ class AxisFinder {
 
   // "z 10, y 20, x 24", or without names "10 x 20 x 24".
   std::string axesText() const {
-    const bool have_names = std::all_of(names_.begin(), names_.end(),
-                                        [](const std::string& name) { return !name.empty(); });
+    const bool have_names =
+        std::ranges::all_of(names_, [](const std::string& name) { return !name.empty(); });
     std::string text;
     for (std::size_t i = 0; i < dims_.size(); ++i)
       text += concat(i == 0       ? ""
@@ -229,12 +229,11 @@ std::optional<glm::dvec3> elementSize(hid_t dataset, const Hdf5Axes& axes) {
   const bool has_all = sizes.size() == axes.fixed.size();
   if (!has_all && sizes.size() != 3 && sizes.size() != 5) return std::nullopt;
   std::array<std::size_t, 3> order = axes.of_space;
-  std::sort(order.begin(), order.end());
+  std::ranges::sort(order);
   glm::dvec3 size;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::size_t among =
-        static_cast<std::size_t>(std::find(order.begin(), order.end(), axes.of_space[axis]) -
-                                 order.begin()) +
+        static_cast<std::size_t>(std::ranges::find(order, axes.of_space[axis]) - order.begin()) +
         (sizes.size() == 5 ? 1 : 0);
     size[static_cast<int>(axis)] = sizes[has_all ? axes.of_space[axis] : among];
   }

@@ -207,7 +207,7 @@ constexpr H5Z_class2_t kOwnFilters[] = {
 
 bool isThere(H5Z_filter_t filter) {
   if (H5Zfilter_avail(filter) > 0) return true;
-  return std::any_of(std::begin(kOwnFilters), std::end(kOwnFilters), [&](const H5Z_class2_t& own) {
+  return std::ranges::any_of(kOwnFilters, [&](const H5Z_class2_t& own) {
     return own.id == filter && H5Zregister(&own) >= 0;
   });
 }
@@ -330,7 +330,7 @@ class NeedsFinder {
 
   void addFile(const std::string& file, const std::string& named_by) {
     auto& files = needs_.files;
-    if (std::find(files.begin(), files.end(), file) != files.end()) return;
+    if (std::ranges::find(files, file) != files.end()) return;
     const InputFile check(file, named_by);  // throws the reason why it cannot be opened
     files.push_back(file);
   }

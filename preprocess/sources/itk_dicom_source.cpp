@@ -352,7 +352,7 @@ std::vector<DicomSeries> listSeries(const std::vector<SeriesFile>& files) {
   }
   std::vector<DicomSeries> all;
   for (auto& [uid, series] : by_uid) all.push_back(std::move(series));
-  std::stable_sort(all.begin(), all.end(), [](const DicomSeries& a, const DicomSeries& b) {
+  std::ranges::stable_sort(all, [](const DicomSeries& a, const DicomSeries& b) {
     return std::atoll(a.number.c_str()) < std::atoll(b.number.c_str());
   });
   return all;
@@ -436,7 +436,7 @@ void sortSlices(const std::string& folder, std::vector<SeriesFile>& files,
     places.push_back(std::move(place));
   }
   const auto unplaced =
-      std::find_if(places.begin(), places.end(), [&](const DicomPlace& p) { return !p.position; });
+      std::ranges::find_if(places, [&](const DicomPlace& p) { return !p.position; });
   if (unplaced != places.end())
     for (const SeriesFile& file : files)
       if (file.instance.empty())

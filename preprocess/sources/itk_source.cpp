@@ -205,7 +205,7 @@ std::vector<std::string> withExtension(const std::vector<std::string>& files,
   std::vector<std::string> result;
   for (const std::string& file : files)
     if (extensions.contains(lowerExtension(file))) result.push_back(file);
-  std::sort(result.begin(), result.end(), numericNameLess);
+  std::ranges::sort(result, numericNameLess);
   return result;
 }
 
@@ -288,7 +288,7 @@ std::unique_ptr<VolumeSource> openImageFolder(const std::string& path, const Ope
   });
   DicomScan dicom = scanDicom(files, options);
   // A medium keeps its series in folders below, and a list of them here.
-  const bool is_medium = std::any_of(files.begin(), files.end(), isDicomDirectory);
+  const bool is_medium = std::ranges::any_of(files, isDicomDirectory);
   if (dicom.pictures() == 0 && (is_medium || (tiffs.empty() && images.empty())))
     dicom = scanDicom(filesBelowFolder(path), options);
   std::vector<std::string> notes;
@@ -320,8 +320,7 @@ std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenO
                            options);
   } catch (const Error& error) {
     const std::vector<Remedy>& remedies = error.remedies();
-    if (std::find(remedies.begin(), remedies.end(), Remedy::kChooseComponent) == remedies.end())
-      throw;
+    if (std::ranges::find(remedies, Remedy::kChooseComponent) == remedies.end()) throw;
     throw fileError(error.place().path, "cannot use '", path,
                     "': its slices have several values per voxel, and of slices none can be "
                     "chosen; convert them to grey ones, or to a single file of several pages");

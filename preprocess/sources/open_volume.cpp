@@ -157,7 +157,7 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   const std::string ending = lowerExtension(path);
   if ((ending == ".isb" || isFolder(path)) && !options.pyramid_level)
     throw fileError(path, "'", path, "' is a pyramid already; give the volume that it was made of");
-  if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
+  if (std::ranges::find(kRawEndings, ending) != kRawEndings.end())
     throw fileError(path, "'", path, "' has no header; say how its voxels lie",
                     Remedy::kDescribeRawFile);
 }

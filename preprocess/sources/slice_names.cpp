@@ -236,7 +236,7 @@ std::vector<std::string> filesInFolder(const std::string& folder) {
   if (failure)
     throw fileError(folder, "cannot read the folder '", folder, "': ", failure.message(),
                     "; check its permissions");
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   return files;
 }
 
@@ -250,7 +250,7 @@ std::vector<std::string> filesBelowFolder(const std::string& folder) {
         folders.push_back(member.path().string());
       return true;
     });
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   return files;
 }
 

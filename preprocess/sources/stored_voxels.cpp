@@ -160,7 +160,7 @@ class MagnitudeSource final : public VolumeSource {
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     auto* to = static_cast<float*>(out);
     for (std::int64_t row = first; row < first + count; ++row) {
-      std::fill(squares_.begin(), squares_.end(), 0.0);
+      std::ranges::fill(squares_, 0.0);
       for (const auto& component : components_) addRow(*component, row);
       for (const double square : squares_) *to++ = static_cast<float>(std::sqrt(square));
     }

@@ -196,7 +196,7 @@ void ZarrArray::readVersion2(const Json& json) {
   const std::string order = textOf(member(json, "order"));
   if (order != "C" && order != "F") refuse("its order is neither C nor F");
   Indices axes = allAxes(shape_.size());
-  if (order == "F") std::reverse(axes.begin(), axes.end());
+  if (order == "F") std::ranges::reverse(axes);
   if (chunk_.size() != shape_.size())
     refuse("its shape and its chunks have different numbers of axes");
   setOrder(axes);

@@ -401,8 +401,8 @@ class ZarrOpener {
  private:
   bool hasRemoteMetadata() const {
     constexpr std::array kNames = {"/zarr.json", "/.zarray", "/.zattrs", "/.zmetadata"};
-    return std::any_of(kNames.begin(), kNames.end(),
-                       [&](const char* name) { return storeFileIsThere(path_ + name); });
+    return std::ranges::any_of(kNames,
+                               [&](const char* name) { return storeFileIsThere(path_ + name); });
   }
 
   // Of a group that is no image itself.
@@ -486,8 +486,8 @@ class ZarrOpener {
       for (const Json& name : member(attributes, "_ARRAY_DIMENSIONS"))
         names_.push_back(textOf(name));
     }
-    const bool has_all = std::all_of(names_.begin(), names_.end(),
-                                     [](const std::string& name) { return !name.empty(); });
+    const bool has_all =
+        std::ranges::all_of(names_, [](const std::string& name) { return !name.empty(); });
     if (names_.empty() || !has_all) {
       static constexpr std::array kUsual = {"t", "c", "z", "y", "x"};
       names_.assign(kUsual.end() - static_cast<std::ptrdiff_t>(count), kUsual.end());
@@ -506,16 +506,13 @@ class ZarrOpener {
 
   // Which axes x, y and z are: by name, or, of three others, by their order, z first.
   std::array<std::size_t, 3> spaceAxes() const {
-    const auto isNamed = [&](const char* name) {
-      return std::count(names_.begin(), names_.end(), name) == 1;
-    };
+    const auto isNamed = [&](const char* name) { return std::ranges::count(names_, name) == 1; };
     const auto axisNamed = [&](const char* name) {
-      return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), name) -
-                                      names_.begin());
+      return static_cast<std::size_t>(std::ranges::find(names_, name) - names_.begin());
     };
     if (isNamed("x") && isNamed("y") && isNamed("z"))
       return {axisNamed("x"), axisNamed("y"), axisNamed("z")};
-    const bool has_types = std::find(is_space_.begin(), is_space_.end(), true) != is_space_.end();
+    const bool has_types = std::ranges::find(is_space_, true) != is_space_.end();
     std::vector<std::size_t> found;
     std::string list;
     for (std::size_t i = 0; i < names_.size(); ++i) {
@@ -534,7 +531,7 @@ class ZarrOpener {
     Indices fixed(names_.size(), 0);
     bool has_time = false, has_channel = false;
     for (std::size_t i = 0; i < names_.size(); ++i) {
-      if (std::find(axes.begin(), axes.end(), i) != axes.end()) {
+      if (std::ranges::find(axes, i) != axes.end()) {
         fixed[i] = -1;
         continue;
       }

@@ -205,11 +205,11 @@ void ZipFile::readTable(const Table& table) {
     members_.push_back(std::move(member));
   }
   // Of two of one name the later one counts, as for those who unpack it all.
-  std::stable_sort(members_.begin(), members_.end(),
-                   [](const Member& a, const Member& b) { return a.name < b.name; });
+  std::ranges::stable_sort(members_,
+                           [](const Member& a, const Member& b) { return a.name < b.name; });
   for (const Member& member : members_) begins_.push_back(member.header_offset);
   begins_.push_back(table.offset);
-  std::sort(begins_.begin(), begins_.end());
+  std::ranges::sort(begins_);
 }
 
 const ZipFile::Member* ZipFile::find(const std::string& name) const {
@@ -314,9 +314,8 @@ bool isZarrZip(const std::string& path) {
       if (zip->find(prefix + std::string(name)) != nullptr) return true;
     if (depth == 0) return false;
     const std::vector<std::string> children = zip->childrenOf(folder);
-    return std::any_of(children.begin(), children.end(), [&](const std::string& child) {
-      return holdsOne(prefix + child, depth - 1);
-    });
+    return std::ranges::any_of(
+        children, [&](const std::string& child) { return holdsOne(prefix + child, depth - 1); });
   };
   return holdsOne(inside, 1);
 }
@@ -350,8 +349,8 @@ void StoreFile::openMember(const std::string& name, bool in_parts) {
   const ByteRange first = zip_->firstRangeOf(*member, in_parts);
   std::vector<std::byte> head(static_cast<std::size_t>(first.bytes));
   const bool is_header = first.bytes == kHeaderBytes;
-  const bool stays = is_header || std::any_of(std::begin(kMetadata), std::end(kMetadata),
-                                              [&](auto known) { return name.ends_with(known); });
+  const bool stays = is_header || std::ranges::any_of(
+                                      kMetadata, [&](auto known) { return name.ends_with(known); });
   head.resize(zip_->readAt(first.offset, head.data(), head.size(), stays));
   if (head.size() < kHeaderBytes || numberAt<std::uint32_t>(head, 0) != 0x04034b50) throw damaged();
   const std::uint64_t before =
@@ -478,7 +477,7 @@ class ZarrVolumes {
       names.push_back(std::move(name));
       return names.size() < kMostGroups;
     });
-    std::sort(names.begin(), names.end(), numericNameLess);
+    std::ranges::sort(names, numericNameLess);
     return names;
   }
 

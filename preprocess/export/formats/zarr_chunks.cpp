@@ -32,7 +32,7 @@ std::vector<T> readChunk(const VolumeSource& source, const Index3& first) {
   const IndexBox box{first, count};
   std::vector<T> inside(static_cast<std::size_t>(box.size()));
   source.readBox(box, inside.data());
-  if (std::all_of(inside.begin(), inside.end(), [](T v) { return v == T{}; })) return {};
+  if (std::ranges::all_of(inside, [](T v) { return v == T{}; })) return {};
   if (box.size() == kVoxelsOfChunk) return inside;
   std::vector<T> whole(static_cast<std::size_t>(kVoxelsOfChunk), T{});
   copyBox(SampleBlock<T>::dense(inside.data(), box), box, whole.data(),
