@@ -1,6 +1,5 @@
 #include "isobrick/preprocess/sources/hdf5_needs.h"
 
-#include <lz4.h>
 #include <lzf.h>
 #include <zstd.h>
 
@@ -16,6 +15,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/unpack_block.h"
 
 namespace isobrick {
 namespace {
@@ -175,13 +175,10 @@ class BitshuffleChunk {
     const Byte* const packed = take(packed_bytes);
     if (packed == nullptr) return nullptr;
     const bool is_zstd = format_.packing == BitshuffleFormat::kZstd;
-    const bool is_whole =
-        is_zstd
-            ? ZSTD_decompress(unpacked, bytes, packed, packed_bytes) == bytes
-            : LZ4_decompress_safe(reinterpret_cast<const char*>(packed),
-                                  reinterpret_cast<char*>(unpacked), static_cast<int>(packed_bytes),
-                                  static_cast<int>(bytes)) == static_cast<int>(bytes);
-    return is_whole ? unpacked : nullptr;
+    const std::string fault = unpackBlock(is_zstd ? BlockCodec::kZstd : BlockCodec::kLz4,
+                                          std::as_bytes(std::span(packed, packed_bytes)),
+                                          std::as_writable_bytes(std::span(unpacked, bytes)));
+    return fault.empty() ? unpacked : nullptr;
   }
 
   BitshuffleFormat format_;

@@ -52,12 +52,12 @@ bool takeChecksum(std::vector<std::byte>& bytes) {
 }
 
 // Those of the specification, and what the numcodecs library adds.
-constexpr std::pair<const char*, ZarrCodec> kCodecs[] = {
-    {"blosc", ZarrCodec::kBlosc}, {"gzip", ZarrCodec::kGzip}, {"zstd", ZarrCodec::kZstd},
-    {"zlib", ZarrCodec::kZlib},   {"lz4", ZarrCodec::kLz4},   {"bz2", ZarrCodec::kBz2},
-    {"lzma", ZarrCodec::kLzma}};
+constexpr std::pair<const char*, BlockCodec> kCodecs[] = {
+    {"blosc", BlockCodec::kBlosc}, {"gzip", BlockCodec::kZlib},    {"zstd", BlockCodec::kZstd},
+    {"zlib", BlockCodec::kZlib},   {"lz4", BlockCodec::kSizedLz4}, {"bz2", BlockCodec::kBz2},
+    {"lzma", BlockCodec::kLzma}};
 
-std::optional<ZarrCodec> codecNamed(const std::string& name) {
+std::optional<BlockCodec> codecNamed(const std::string& name) {
   for (const auto& [known, codec] : kCodecs)
     if (name == known) return codec;
   return std::nullopt;
@@ -281,10 +281,11 @@ ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs) {
         refuse("its bytes have no order");
       stored_.big_endian = endian == "big" && stored_.bytes() > 1;
     } else if (name == "crc32c" && has_bytes) {
-      ++(pipeline.codec == ZarrCodec::kNone ? pipeline.checksums_before : pipeline.checksums_after);
-    } else if (codecNamed(name) && has_bytes && pipeline.codec == ZarrCodec::kNone) {
+      ++(pipeline.codec == BlockCodec::kNone ? pipeline.checksums_before
+                                             : pipeline.checksums_after);
+    } else if (codecNamed(name) && has_bytes && pipeline.codec == BlockCodec::kNone) {
       pipeline.codec = *codecNamed(name);
-    } else if (pipeline.codec != ZarrCodec::kNone || pipeline.checksums_before > 0 ||
+    } else if (pipeline.codec != BlockCodec::kNone || pipeline.checksums_before > 0 ||
                !takeFilter(name, configuration, pipeline)) {
       refuse("its codec " + quotedText(name, 40) + " is not read" +
              (shards_.empty() ? "" : " in shards"));
@@ -537,7 +538,7 @@ void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
   };
   takeChecksums(packed, pipeline_.checksums_after);
   out.resize(filteredChunkBytes() + 4 * static_cast<std::size_t>(pipeline_.checksums_before));
-  if (const std::string why = unpackZarr(pipeline_.codec, packed, out); !why.empty()) fail(why);
+  if (const std::string why = unpackBlock(pipeline_.codec, packed, out); !why.empty()) fail(why);
   takeChecksums(out, pipeline_.checksums_before);
   for (std::size_t i = pipeline_.filters.size(); i-- > 0;) {
     std::swap(packed, out);

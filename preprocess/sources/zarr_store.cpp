@@ -61,21 +61,6 @@ std::uint32_t checksumOf(const void* data, std::size_t bytes) {
   return static_cast<std::uint32_t>(crc32_z(0, static_cast<const Bytef*>(data), bytes));
 }
 
-// False if they do not unpack to `out`, all of it and no more.
-bool inflateAll(std::vector<std::byte>& packed, std::vector<std::byte>& out) {
-  z_stream stream = {};
-  if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) throw std::bad_alloc();
-  std::byte none{};
-  stream.next_in = reinterpret_cast<Bytef*>(packed.data());
-  stream.avail_in = static_cast<uInt>(packed.size());
-  stream.next_out = reinterpret_cast<Bytef*>(out.empty() ? &none : out.data());
-  stream.avail_out = static_cast<uInt>(out.size());
-  const int end = inflate(&stream, Z_FINISH);
-  const bool is_whole = end == Z_STREAM_END && stream.avail_out == 0;
-  inflateEnd(&stream);
-  return is_whole;
-}
-
 bool isZipName(const std::string& name) {
   const std::string lower = lowercase(name);
   return lower.ends_with(".zip") || lower.ends_with(".ozx");
@@ -378,7 +363,7 @@ void StoreFile::openMember(const std::string& name, bool in_parts) {
     unpacked_ = std::move(packed);
   } else {
     unpacked_.resize(static_cast<std::size_t>(size_));
-    if (!inflateAll(packed, unpacked_)) throw damaged();
+    if (!unpackBlock(BlockCodec::kDeflate, packed, unpacked_).empty()) throw damaged();
   }
   if (checksumOf(unpacked_.data(), unpacked_.size()) != member->checksum) throw damaged();
 }
