@@ -192,7 +192,10 @@ std::size_t PieceStream::read(void* out, std::size_t bytes) {
   while (got < bytes) {
     if (next_ == piece_.size()) {
       next_ = 0;
-      if (!refill()) break;
+      if (!refill()) {
+        piece_.clear();
+        break;
+      }
     }
     const std::size_t part = std::min(bytes - got, piece_.size() - next_);
     std::memcpy(static_cast<std::byte*>(out) + got, piece_.data() + next_, part);

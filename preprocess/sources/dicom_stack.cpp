@@ -57,20 +57,13 @@ void chooseStack(const std::string& path, const std::string& name, std::vector<D
     return takeNoteOfChoice("stack " + quotedText(name, 40), info);
   }
   if (counts.size() == 1 && name.empty()) return;
-  std::string list;
-  std::size_t listed = 0;
-  constexpr std::size_t kMostListed = 12;
-  for (const auto& [stack, count] : counts) {
-    if (listed++ == kMostListed) {
-      list += ", ...";
-      break;
-    }
-    list += concat(list.empty() ? "" : ", ", quotedText(stack, 40), " (", count, " slices)");
-  }
+  ListText list;
+  for (const auto& [stack, count] : counts)
+    list.add(quotedText(stack, 40), " (", count, " slices)");
   if (!name.empty())
-    throw unusable(path, "it has no stack of the name ", quotedText(name, 40), "; it has ", list,
-                   Remedy::kChooseStack);
-  throw unusable(path, "it holds ", counts.size(), " stacks of slices: ", list,
+    throw unusable(path, "it has no stack of the name ", quotedText(name, 40), "; it has ",
+                   list.text(), Remedy::kChooseStack);
+  throw unusable(path, "it holds ", counts.size(), " stacks of slices: ", list.text(),
                  Remedy::kChooseStack);
 }
 

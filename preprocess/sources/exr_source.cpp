@@ -162,15 +162,15 @@ class ExrSlices final : public VolumeSource {
     const ExrFile first(files_.front());
     std::vector<std::string> all;
     const auto channel = first.findChannel(options.grid, all);
-    std::string list;
-    for (const std::string& name : all) list += (list.empty() ? "" : ", ") + quotedText(name, 40);
+    ListText list(", ", SIZE_MAX);
+    for (const std::string& name : all) list.add(quotedText(name, 40));
     if (!channel)
       throw unusable(files_.front(), "it has no channel ", quotedText(options.grid, 40),
-                     "; it has ", all.empty() ? "none" : list);
+                     "; it has ", all.empty() ? "none" : list.text());
     channel_ = *channel;
     if (all.size() > 1 && options.grid.empty())
-      info_.notes.push_back("of the channels " + list + ", " + quotedText(channel_.name, 40) +
-                            " was taken");
+      info_.notes.push_back("of the channels " + list.text() + ", " +
+                            quotedText(channel_.name, 40) + " was taken");
     if (!options.grid.empty())
       info_.encoding +=
           (info_.encoding.empty() ? "" : "; ") + ("channel " + quotedText(options.grid, 40));

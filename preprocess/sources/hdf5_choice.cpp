@@ -254,15 +254,9 @@ NumberedLinks::value_type pick(const std::string& name, const char* kind,
   if (!wanted && links.size() == 1) return *links.begin();
   if (wanted)
     if (const auto found = links.find(*wanted); found != links.end()) return *found;
-  constexpr std::size_t kMostListed = 12;
-  std::string list;
-  std::size_t listed = 0;
-  for (const auto& [number, link] : links) {
-    if (listed++ == kMostListed) break;
-    list += concat(list.empty() ? "" : ", ", number);
-  }
-  if (links.size() > kMostListed) list += ", ...";
-  throw fileError(splitHdf5Name(name).first, "'", name, "' has the ", kind, "s ", list,
+  ListText list;
+  for (const auto& [number, link] : links) list.add(number);
+  throw fileError(splitHdf5Name(name).first, "'", name, "' has the ", kind, "s ", list.text(),
                   wanted ? ", and not " + std::to_string(*wanted) : "; one is a volume", remedy);
 }
 

@@ -22,32 +22,12 @@
 namespace isobrick {
 namespace {
 
-// The type of the library's chunks in memory.
+// The type of the library's chunks in memory. Halves become floats.
 hid_t memoryType(StoredType type) {
-  switch (type) {
-    case StoredType::kUint8:
-      return H5T_NATIVE_UINT8;
-    case StoredType::kInt8:
-      return H5T_NATIVE_INT8;
-    case StoredType::kUint16:
-      return H5T_NATIVE_UINT16;
-    case StoredType::kInt16:
-      return H5T_NATIVE_INT16;
-    case StoredType::kUint32:
-      return H5T_NATIVE_UINT32;
-    case StoredType::kInt32:
-      return H5T_NATIVE_INT32;
-    case StoredType::kUint64:
-      return H5T_NATIVE_UINT64;
-    case StoredType::kInt64:
-      return H5T_NATIVE_INT64;
-    case StoredType::kFloat16:
-    case StoredType::kFloat32:
-      return H5T_NATIVE_FLOAT;
-    case StoredType::kFloat64:
-      return H5T_NATIVE_DOUBLE;
-  }
-  return H5T_NATIVE_FLOAT;
+  return std::array{
+      H5T_NATIVE_UINT8,  H5T_NATIVE_INT8,  H5T_NATIVE_UINT16, H5T_NATIVE_INT16,
+      H5T_NATIVE_UINT32, H5T_NATIVE_INT32, H5T_NATIVE_UINT64, H5T_NATIVE_INT64,
+      H5T_NATIVE_FLOAT,  H5T_NATIVE_FLOAT, H5T_NATIVE_DOUBLE}[static_cast<std::size_t>(type)];
 }
 
 std::optional<StoredType> storedTypeOf(hid_t type) {

@@ -364,12 +364,10 @@ void chooseSeries(const std::string& folder, const std::string& name,
   const std::vector<DicomSeries> all = listSeries(files);
   if (all.size() == 1 && name.empty()) return;
   std::vector<std::string> chosen;
-  std::string list;
-  constexpr std::size_t kMostListed = 20;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (!name.empty() && all[i].isCalled(name)) chosen.push_back(all[i].uid);
-    if (i < kMostListed) list += (i > 0 ? "; " : "") + all[i].text();
-    if (i == kMostListed) list += "; ...";
+  ListText list("; ", 20);
+  for (const DicomSeries& series : all) {
+    if (!name.empty() && series.isCalled(name)) chosen.push_back(series.uid);
+    list.add(series.text());
   }
   if (chosen.size() != 1) {
     const std::string what = name.empty() ? ""
@@ -377,7 +375,7 @@ void chooseSeries(const std::string& folder, const std::string& name,
                                  ? "no series " + quotedText(name, 70) + " among "
                                  : "several series " + quotedText(name, 70) + " among ";
     throw fileError(folder, "cannot use the folder '", folder, "': it holds ", what, all.size(),
-                    " DICOM series: ", list, Remedy::kChooseSeries);
+                    " DICOM series: ", list.text(), Remedy::kChooseSeries);
   }
   std::erase_if(files, [&](const SeriesFile& file) { return file.series_uid != chosen[0]; });
 }

@@ -76,13 +76,13 @@ class MrcHeader {
   }
 
   MrcMode mode() const {
-    for (MrcMode mode : kMrcModes) {
-      if (mode.mode != number(12)) continue;
-      if (mode.mode == 0 && hasSignedBytes()) mode.type = StoredType::kInt8;
-      return mode;
-    }
-    throw unusable(path_, "its voxels are of MRC mode ", number(12),
-                   ", which is not read; convert it to mode 2");
+    const auto found = std::ranges::find(kMrcModes, number(12), &MrcMode::mode);
+    if (found == std::end(kMrcModes))
+      throw unusable(path_, "its voxels are of MRC mode ", number(12),
+                     ", which is not read; convert it to mode 2");
+    MrcMode mode = *found;
+    if (mode.mode == 0 && hasSignedBytes()) mode.type = StoredType::kInt8;
+    return mode;
   }
 
   // Volumes one behind the other: space group 401, or with the symmetry of another.
@@ -98,7 +98,7 @@ class MrcHeader {
 
  private:
   static bool isMode(std::int32_t number) {
-    return std::ranges::any_of(kMrcModes, [&](const MrcMode& mode) { return mode.mode == number; });
+    return std::ranges::count(kMrcModes, number, &MrcMode::mode) > 0;
   }
   static bool isCount(std::int32_t count) { return count > 0 && count <= kMaxVoxelsPerAxis; }
 

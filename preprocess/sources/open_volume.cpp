@@ -126,12 +126,9 @@ std::vector<std::string> gridNames(const std::string& path, const OpenOptions& o
 
 std::vector<ReadableFormat> readableFormats() {
   static const std::string raw_endings = [] {
-    std::string endings;
-    for (const std::string_view ending : kRawEndings) {
-      if (!endings.empty()) endings += ' ';
-      endings += ending;
-    }
-    return endings;
+    ListText endings(" ");
+    for (const std::string_view ending : kRawEndings) endings.add(ending);
+    return endings.text();
   }();
   std::vector<ReadableFormat> formats;
   for (const Reader& reader : kReaders) formats.push_back(reader.format);

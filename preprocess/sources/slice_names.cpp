@@ -211,14 +211,11 @@ void refuseGaps(const std::vector<NumberedSlice>& slices, std::size_t at, const 
   };
   std::int64_t least = INT64_MAX;
   for (std::size_t i = 1; i < slices.size(); ++i) least = std::min(least, step(i));
-  std::string list;
-  std::size_t gaps = 0;
+  ListText gaps(", ", 5);
   for (std::size_t i = 1; i < slices.size(); ++i)
-    if (step(i) != least && ++gaps <= 5)
-      list += (gaps > 1 ? ", " : "") + fileName(slices[i - 1].path) + " and " +
-              fileName(slices[i].path);
-  if (gaps > 0)
-    throw unusable(info.source, "slices are missing between ", list, gaps > 5 ? ", ..." : "",
+    if (step(i) != least) gaps.add(fileName(slices[i - 1].path), " and ", fileName(slices[i].path));
+  if (!gaps.text().empty())
+    throw unusable(info.source, "slices are missing between ", gaps.text(),
                    ", by the numbers in their names; add them, or number what is there anew");
 }
 

@@ -11,6 +11,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/sources/open_volume.h"
@@ -76,33 +78,19 @@ template <typename T>
 struct StoredTag {
   using Type = T;
 };
+// In the order of StoredType.
+using StoredNumbers =
+    std::tuple<std::uint8_t, std::int8_t, std::uint16_t, std::int16_t, std::uint32_t, std::int32_t,
+               std::uint64_t, std::int64_t, Half, float, double>;
 // Calls f(tag) with the C++ type of the stored numbers.
 template <typename F>
 void visitStoredType(StoredType type, F&& f) {
-  switch (type) {
-    case StoredType::kUint8:
-      return f(StoredTag<std::uint8_t>{});
-    case StoredType::kInt8:
-      return f(StoredTag<std::int8_t>{});
-    case StoredType::kUint16:
-      return f(StoredTag<std::uint16_t>{});
-    case StoredType::kInt16:
-      return f(StoredTag<std::int16_t>{});
-    case StoredType::kUint32:
-      return f(StoredTag<std::uint32_t>{});
-    case StoredType::kInt32:
-      return f(StoredTag<std::int32_t>{});
-    case StoredType::kUint64:
-      return f(StoredTag<std::uint64_t>{});
-    case StoredType::kInt64:
-      return f(StoredTag<std::int64_t>{});
-    case StoredType::kFloat16:
-      return f(StoredTag<Half>{});
-    case StoredType::kFloat32:
-      return f(StoredTag<float>{});
-    case StoredType::kFloat64:
-      return f(StoredTag<double>{});
+  [&]<std::size_t... i>(std::index_sequence<i...>) {
+    ((static_cast<std::size_t>(type) == i ? f(StoredTag<std::tuple_element_t<i, StoredNumbers>>{})
+                                          : void()),
+     ...);
   }
+  (std::make_index_sequence<std::tuple_size_v<StoredNumbers>>());
 }
 
 // Numbers in a file, delivered as they are (value_fit.h makes voxels of types that no pyramid has);

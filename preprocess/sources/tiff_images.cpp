@@ -280,9 +280,9 @@ class ImageFinder {
 
   Error contradiction(const std::vector<TiffAxis>& said, std::int64_t pages) const {
     if (!pages_.front().unread.empty()) return unusable(path(), pages_.front().unread);
-    std::string counts;
-    for (const TiffAxis& axis : said) counts += concat(counts.empty() ? "" : " x ", axis.count);
-    return unusable(path(), "its description says ", counts, " planes, and it has ", pages,
+    ListText counts(" x ");
+    for (const TiffAxis& axis : said) counts.add(axis.count);
+    return unusable(path(), "its description says ", counts.text(), " planes, and it has ", pages,
                     "; get the whole file again, or save it anew");
   }
 

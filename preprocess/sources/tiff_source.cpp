@@ -142,12 +142,10 @@ std::string imageText(const TiffImage& image) {
 // The chosen image, or the only one that is a volume.
 const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImage>& images,
                              const OpenOptions& options, VolumeInfo& info) {
-  std::string list;
+  ListText list("; ", 20);
   std::vector<std::size_t> volumes;
   for (std::size_t i = 0; i < images.size(); ++i) {
-    constexpr std::size_t kMostListed = 20;
-    if (i < kMostListed) list += concat(i > 0 ? "; " : "", i, ": ", imageText(images[i]));
-    if (i == kMostListed) list += "; ...";
+    list.add(i, ": ", imageText(images[i]));
     if (sliceAxis(images[i])) volumes.push_back(i);
   }
   if (options.image) volumes = {static_cast<std::size_t>(*options.image)};
@@ -157,10 +155,10 @@ const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImag
                    volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
                    : volumes.empty()   ? "none of its images is a volume"
                                        : "it has several images",
-                   " (", list, ")", Remedy::kChooseImage);
+                   " (", list.text(), ")", Remedy::kChooseImage);
   if (images.size() > 1) {
     info.notes.push_back(
-        concat("of the images ", list, ", number ", volumes.front(), " was taken"));
+        concat("of the images ", list.text(), ", number ", volumes.front(), " was taken"));
     info.encoding = concat("image ", volumes.front());
   }
   return images[volumes.front()];

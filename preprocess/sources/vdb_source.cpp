@@ -262,16 +262,10 @@ class VdbFile : private openvdb::io::Archive {
   }
 
   std::string namesText(const Entry* except) const {
-    constexpr std::size_t kMostListed = 12;
-    std::string text;
-    std::size_t listed = 0;
-    for (const Entry& entry : entries_) {
-      if (&entry == except) continue;
-      if (listed++ == kMostListed) return text + ", ...";
-      text +=
-          (text.empty() ? "" : ", ") + quoted(nameOf(entry)) + " (" + entry.grid->valueType() + ")";
-    }
-    return text;
+    ListText names;
+    for (const Entry& entry : entries_)
+      if (&entry != except) names.add(quoted(nameOf(entry)), " (", entry.grid->valueType(), ")");
+    return names.text();
   }
 
   // "density"; of several with one name, "density[1]" is the second.

@@ -259,14 +259,10 @@ class VtiOpener {
   }
 
   static std::string listOf(const VtiPiece& piece) {
-    constexpr std::size_t kMostListed = 12;
-    std::string text;
-    std::size_t listed = 0;
+    ListText list;
     for (const auto& [data, kind] : {std::pair(&piece.points, "points"), {&piece.cells, "cells"}})
-      for (const VtiArray& array : data->arrays)
-        if (listed++ < kMostListed)
-          text += (text.empty() ? "" : ", ") + inQuotes(array.name) + " of " + kind;
-    return text.empty() ? "none" : text + (listed > kMostListed ? ", ..." : "");
+      for (const VtiArray& array : data->arrays) list.add(inQuotes(array.name), " of ", kind);
+    return list.text().empty() ? "none" : list.text();
   }
 
   void chooseArray() {

@@ -180,8 +180,7 @@ class VtiVoxels {
     if (blocks == 0 || !fits || have != need_bytes_)
       throw wrongSize(fits ? std::to_string(have)
                            : std::to_string(blocks) + " blocks of " + std::to_string(block_bytes));
-    // The end of one block is the begin of the next; the list of their sizes is not needed. There
-    // are at most as many blocks as bytes in the file: no product overflows.
+    // There are at most as many blocks as bytes in the file: no product overflows.
     if (blocks > file_->size() / wordBytes() ||
         skipBytes(*stream_, blocks * wordBytes()) != blocks * wordBytes())
       throw cannotUseVti(file_->path(), "its list of ", blocks, " blocks is cut short");

@@ -64,10 +64,9 @@ std::optional<BlockCodec> codecNamed(const std::string& name) {
 }
 
 std::string codecNames() {
-  std::string names;
-  for (const auto& [name, codec] : kCodecs)
-    names += (names.empty() ? "" : ", ") + std::string(name);
-  return names;
+  ListText names;
+  for (const auto& [name, codec] : kCodecs) names.add(name);
+  return names.text();
 }
 
 // In version 3 the codecs of numcodecs have its name in front.

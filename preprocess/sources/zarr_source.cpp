@@ -514,14 +514,15 @@ class ZarrOpener {
       return {axisNamed("x"), axisNamed("y"), axisNamed("z")};
     const bool has_types = std::ranges::find(is_space_, true) != is_space_.end();
     std::vector<std::size_t> found;
-    std::string list;
+    ListText list;
     for (std::size_t i = 0; i < names_.size(); ++i) {
       if (has_types ? is_space_[i] : names_[i] != "t" && names_[i] != "c") found.push_back(i);
-      list += (i > 0 ? ", " : "") + quotedText(names_[i], 40);
+      list.add(quotedText(names_[i], 40));
     }
     if (found.size() != 3)
       throw cannotUse(array_path_,
-                      "isobrick needs three axes of space, x, y and z, and it has the axes ", list);
+                      "isobrick needs three axes of space, x, y and z, and it has the axes ",
+                      list.text());
     return {found[2], found[1], found[0]};
   }
 
