@@ -193,16 +193,17 @@ class ExrSlices final : public VolumeSource {
   }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    visitNumberType(info_.voxel_type, [&](auto tag) {
-      using T = typename decltype(tag)::Type;
-      auto* to = static_cast<T*>(out);
-      for (std::int64_t row = first; row < first + count; ++row, to += info_.voxels.x) {
-        const std::int64_t z = row / info_.voxels.y, y = row % info_.voxels.y;
-        if (z != slice_) load(z);
-        const std::uint32_t* const from = pixels_.data() + y * info_.voxels.x;
-        for (std::int64_t x = 0; x < info_.voxels.x; ++x) to[x] = voxelOf<T>(from[x]);
-      }
-    });
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t z, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         if (z != slice_) load(z);
+                         const std::uint32_t* const from = pixels_.data() + y * info_.voxels.x;
+                         visitNumberType(info_.voxel_type, [&](auto tag) {
+                           using T = typename decltype(tag)::Type;
+                           std::transform(from, from + rows * info_.voxels.x,
+                                          reinterpret_cast<T*>(to),
+                                          [&](std::uint32_t bits) { return voxelOf<T>(bits); });
+                         });
+                       });
   }
 
  private:

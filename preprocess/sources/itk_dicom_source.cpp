@@ -166,15 +166,11 @@ class DicomSource final : public VolumeSource {
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const Index3& voxels = info_.voxels;
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t row = first; row < first + count;) {
-      const std::int64_t k = row / voxels.y, y = row % voxels.y;
-      const std::int64_t rows = std::min(voxels.y - y, first + count - row);
-      const auto pixels = static_cast<std::size_t>(rows * voxels.x);
-      convert(k, readPixels(k, y, pixels), pixels, to);
-      to += pixels * voxelBytes(info_.voxel_type);
-      row += rows;
-    }
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t k, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         const auto pixels = static_cast<std::size_t>(rows * voxels.x);
+                         convert(k, readPixels(k, y, pixels), pixels, to);
+                       });
     if (first + count == voxels.y * voxels.z) unpacked_.reset();
   }
 

@@ -161,18 +161,14 @@ class SliceStackSource final : public VolumeSource {
   const VolumeInfo& info() const override { return info_; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t row = first; row < first + count;) {
-      const std::int64_t k = row / info_.voxels.y, y = row % info_.voxels.y;
-      const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
-      if (k != slice_) loadSlice(k);
-      const std::size_t row_bytes =
-          static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
-      const std::size_t bytes = static_cast<std::size_t>(rows) * row_bytes;
-      std::memcpy(to, pixels_->data() + static_cast<std::size_t>(y) * row_bytes, bytes);
-      to += bytes;
-      row += rows;
-    }
+    const std::size_t row_bytes =
+        static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t k, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         if (k != slice_) loadSlice(k);
+                         std::memcpy(to, pixels_->data() + static_cast<std::size_t>(y) * row_bytes,
+                                     static_cast<std::size_t>(rows) * row_bytes);
+                       });
   }
 
   std::vector<std::string> files() const override { return files_; }

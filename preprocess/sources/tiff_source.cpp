@@ -41,21 +41,18 @@ class TiffSource final : public VolumeSource {
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     if (is_plain_) return VolumeSource::readRows(first, count, out);
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t row = first; row < first + count;) {
-      const std::int64_t z = row / info_.voxels.y, y = row % info_.voxels.y;
-      const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
-      if (z != unpacked_) unpack(z);
-      const std::byte* from =
-          pixels_.data() + static_cast<std::size_t>(y * info_.voxels.x) * stored_.bytes();
-      const auto voxels = static_cast<std::size_t>(rows * info_.voxels.x);
-      decodeVoxels(stored_, voxels, to, [&](std::byte* stored, std::size_t bytes) {
-        std::memcpy(stored, from, bytes);
-        from += bytes;
-      });
-      to += voxels * voxelBytes(info_.voxel_type);
-      row += rows;
-    }
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t z, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         if (z != unpacked_) unpack(z);
+                         const std::byte* from =
+                             pixels_.data() +
+                             static_cast<std::size_t>(y * info_.voxels.x) * stored_.bytes();
+                         decodeVoxels(stored_, static_cast<std::size_t>(rows * info_.voxels.x), to,
+                                      [&](std::byte* stored, std::size_t bytes) {
+                                        std::memcpy(stored, from, bytes);
+                                        from += bytes;
+                                      });
+                       });
   }
 
   bool readsBoxes() const override { return is_plain_; }

@@ -165,7 +165,6 @@ bool RemoteStore::isStillThere(const std::string& path) {
 // Of those that are read again and again, the one that was used longest ago goes; and those that
 // were announced, and that another thread read meanwhile.
 void RemoteStore::makeRoom(std::uint64_t bytes) {
-  constexpr auto kForgotten = std::chrono::seconds(30);
   const Clock::time_point now = Clock::now();
   const auto isFull = [&] {
     return asked_.size() >= kMostAsked || asked_bytes_ + bytes > kMostAskedBytes;

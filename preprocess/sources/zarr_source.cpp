@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <filesystem>
@@ -16,7 +17,6 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
-#include "isobrick/preprocess/sources/announced_boxes.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -158,7 +158,7 @@ class ChunkTally {
   std::uint64_t read_ = 0, missing_ = 0;
 };
 
-class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
+class ZarrSource final : public VolumeSource {
  public:
   // `axes`: which axis of the array x, y and z are. `fixed`: an index for all others, -1 for these.
   ZarrSource(VolumeInfo info, ZarrArray array, std::array<std::size_t, 3> axes, Indices fixed,
@@ -192,18 +192,6 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     return files;
   }
 
-  void announceBoxes(std::span<const IndexBox> boxes) const override {
-    if (!array_.isRemote()) return;
-    std::set<Indices> wanted;
-    std::vector<Indices> in_order;
-    for (const IndexBox& box : boxes)
-      forEachIndex(chunksOf(box), [&](const Index3& at) {
-        Indices index = indicesOf(at);
-        if (isAbsent(index) && wanted.insert(index).second) in_order.push_back(std::move(index));
-      });
-    array_.announce(in_order);
-  }
-
   void readBox(const IndexBox& box, void* out) const override {
     const Index3 size = chunkVoxels();
     const IndexBox chunks = chunksOf(box);
@@ -224,14 +212,24 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     });
   }
 
-  // They are asked for by the next readBox(), behind its own.
-  void announce(const IndexBox& box) const override {
-    if (!array_.isRemote() || box.size() == 0) return;
-    const std::lock_guard lock(mutex_);
-    forEachIndex(chunksOf(box), [&](const Index3& at) { announced_.push_back(at); });
+  // What has no room now is asked for by the next readBox(), behind its own.
+  void announce(std::span<const IndexBox> boxes) const override {
+    if (!array_.isRemote()) return;
+    {
+      const std::lock_guard lock(mutex_);
+      for (const IndexBox& box : boxes)
+        if (box.size() > 0)
+          forEachIndex(chunksOf(box), [&](const Index3& at) {
+            Indices index = indicesOf(at);
+            if (announced_.insert(index).second) in_order_.push_back(std::move(index));
+          });
+    }
+    askAhead({}, 0);
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+
   Index3 chunkVoxels() const {
     Index3 size;
     for (int axis = 0; axis < 3; ++axis) size[axis] = array_.chunk()[axes_[axis]];
@@ -268,14 +266,19 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     std::vector<Indices> next;
     {
       const std::lock_guard lock(mutex_);
+      const auto now = Clock::now();
+      // The store has forgotten what nobody read.
+      if (ahead_.size() >= most)
+        std::erase_if(ahead_,
+                      [&](const auto& one) { return now - one.second > RemoteStore::kForgotten; });
       const auto take = [&](Indices index) {
         if (being_read_.contains(index) || cache_.find(index) != nullptr) return;
-        if (ahead_.insert(index).second) next.push_back(std::move(index));
+        if (ahead_.try_emplace(index, now).second) next.push_back(std::move(index));
       };
       for (; ahead_.size() < most && number < chunks.size(); ++number)
         take(indicesOf(chunks.first + indexAt(number, chunks.count)));
-      for (; ahead_.size() < most && !announced_.empty(); announced_.pop_front())
-        take(indicesOf(announced_.front()));
+      for (; ahead_.size() < most && !in_order_.empty(); in_order_.pop_front())
+        if (announced_.erase(in_order_.front()) > 0) take(std::move(in_order_.front()));
     }
     array_.announce(next);
   }
@@ -309,6 +312,7 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
       if (ChunkCache::Value chunk = cache_.find(index)) return chunk;
       being_read_.insert(index);
       ahead_.erase(index);
+      announced_.erase(index);
     }
     const Reading reading{*this, index};
     auto voxels = std::make_shared<std::vector<std::byte>>();
@@ -352,10 +356,12 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
   std::uint64_t cache_bytes_;
   mutable ChunkCache cache_;
   mutable ChunkTally tally_;
-  mutable std::mutex mutex_;  // guards the three below
+  mutable std::mutex mutex_;  // guards the four below
   mutable std::set<Indices> being_read_;
-  mutable std::set<Indices> ahead_;  // asked for and not read yet
-  mutable std::deque<Index3> announced_;
+  mutable std::map<Indices, Clock::time_point>
+      ahead_;                             // asked for and not read yet, and since when
+  mutable std::set<Indices> announced_;   // not asked for, and not read since
+  mutable std::deque<Indices> in_order_;  // those, and some that were read
   mutable std::condition_variable changed_;
 };
 

@@ -3,6 +3,7 @@
 #include <blosc.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <mutex>
@@ -161,8 +162,8 @@ std::uint64_t writeZarrShards(const VolumeSource& source, AtomicFolder& folder,
     ShardWriter shard(folder, concat(level, "/c/", at.z, "/", at.y, "/", at.x),
                       elementCount(per_shard));
     const std::int64_t all = elementCount(count);
-    source.announce(intersectionOf({first * kZarrChunkVoxels, count * kZarrChunkVoxels},
-                                   {Index3(0), info.voxels}));
+    source.announce(std::array{intersectionOf({first * kZarrChunkVoxels, count * kZarrChunkVoxels},
+                                              {Index3(0), info.voxels})});
     for (std::int64_t begin = 0; begin < all;) {
       const std::int64_t batch = std::min(all - begin, static_cast<std::int64_t>(packed.size()));
       isolatedForEach(std::int64_t{0}, batch, [&](std::int64_t i) {
