@@ -81,9 +81,9 @@ class VolumeSource {
   // Writes the voxels of `box`, x fastest, box.count.x * y * z of them, into `out`. Any box, in any
   // order, by any number of threads at once. Only if readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
-  // Says that these boxes will be read soon, in this order, after those that were said before. A
+  // Says that these boxes will be read soon, in this order; what was said before counts no more. A
   // source that is far away begins to bring them in, as far as it has room, and goes on while it is
-  // read; the others do nothing. What was said before may be said again. Thread-safe.
+  // read; the others do nothing. Thread-safe.
   virtual void announce(std::span<const IndexBox> boxes) const;
 
   // If no pyramid holds the input's numbers: reads them all once, and chooses what is delivered

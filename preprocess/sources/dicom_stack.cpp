@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/sources/dicom_stack.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,8 +8,7 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_header.h"
-#include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/dicom_source.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"

@@ -1,15 +1,12 @@
-#include "isobrick/preprocess/sources/hdf5_axes.h"
-
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string_view>
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"

@@ -1,26 +1,19 @@
-#include "isobrick/preprocess/sources/hdf5_choice.h"
-
 #include <expat.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <glm/mat4x4.hpp>
-#include <map>
 #include <memory>
 #include <new>
-#include <optional>
 #include <sstream>
-#include <string>
 #include <string_view>
-#include <vector>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/hdf5_objects.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"

@@ -1,19 +1,14 @@
-#include "isobrick/preprocess/sources/hdf5_needs.h"
-
 #include <lzf.h>
 #include <zstd.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <span>
-#include <string>
 
-#include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/unpack_block.h"
 

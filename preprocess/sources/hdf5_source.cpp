@@ -1,18 +1,11 @@
 #include <algorithm>
-#include <array>
-#include <optional>
 #include <tuple>
-#include <vector>
 
-#include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/hdf5_axes.h"
-#include "isobrick/preprocess/sources/hdf5_choice.h"
-#include "isobrick/preprocess/sources/hdf5_needs.h"
-#include "isobrick/preprocess/sources/hdf5_objects.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/error.h"

@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/sources/tiff_images.h"
-
 #include <expat.h>
 
 #include <algorithm>
@@ -24,6 +22,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/tiff_file.h"
 
 namespace isobrick {
 namespace {

@@ -13,7 +13,6 @@
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/sources/tiff_file.h"
-#include "isobrick/preprocess/sources/tiff_images.h"
 #include "isobrick/storage/abandonable.h"
 
 namespace isobrick {

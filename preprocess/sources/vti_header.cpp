@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"

@@ -10,16 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/sources/vti_header.h"
-#include "isobrick/preprocess/sources/vti_voxels.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"

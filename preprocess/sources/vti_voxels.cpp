@@ -1,18 +1,15 @@
-#include "isobrick/preprocess/sources/vti_voxels.h"
-
 #include <algorithm>
 #include <array>
 #include <optional>
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/unpack_block.h"
+#include "isobrick/preprocess/sources/vti_header.h"
 
 namespace isobrick {
 namespace {

@@ -217,6 +217,8 @@ class ZarrSource final : public VolumeSource {
     if (!array_.isRemote()) return;
     {
       const std::lock_guard lock(mutex_);
+      announced_.clear();
+      in_order_.clear();
       for (const IndexBox& box : boxes)
         if (box.size() > 0)
           forEachIndex(chunksOf(box), [&](const Index3& at) {
