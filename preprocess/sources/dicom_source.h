@@ -136,6 +136,12 @@ std::vector<double> dicomPixelSpacing(const DicomHeader& header, std::size_t fra
 // The distance of slices, or else their thickness, in mm, that a frame states; 0: none.
 double dicomSliceDistance(const DicomHeader& header, std::size_t frame);
 
+// The grid of slices in the plane of an image: row and column as the header has them, the distances
+// of pixels, or 1 mm if it has none, with a note unless the user gave a spacing; slices 1 mm apart.
+GridGeometry dicomPlane(const std::string& orientation, const std::vector<double>& pixel_spacing,
+                        const OpenOptions& options, const std::string& who,
+                        std::vector<std::string>& notes);
+
 // Whether spacings (with the unit 0), or orientations (1), are the same for a picture of so many
 // pixels along its longer side: to a hundredth of a pixel at its end.
 bool areSameForPixels(const std::vector<double>& a, const std::vector<double>& b,

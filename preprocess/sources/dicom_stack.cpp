@@ -217,6 +217,23 @@ double dicomSliceDistance(const DicomHeader& header, std::size_t frame) {
   return 0;
 }
 
+GridGeometry dicomPlane(const std::string& orientation, const std::vector<double>& pixel_spacing,
+                        const OpenOptions& options, const std::string& who,
+                        std::vector<std::string>& notes) {
+  GridGeometry geometry;
+  geometry.unit = LengthUnit::kMillimetre;
+  if (const std::vector<double> axes = decimalStrings(orientation, 6); !axes.empty()) {
+    geometry.direction[0] = {axes[0], axes[1], axes[2]};
+    geometry.direction[1] = {axes[3], axes[4], axes[5]};
+    geometry.direction[2] = glm::cross(geometry.direction[0], geometry.direction[1]);
+  }
+  if (!pixel_spacing.empty())
+    geometry.spacing = {pixel_spacing[0], pixel_spacing[1], 1};
+  else if (!options.spacing)
+    notes.push_back(who + " no pixel spacing: 1 mm is an assumption");
+  return geometry;
+}
+
 bool areSameForPixels(const std::vector<double>& a, const std::vector<double>& b,
                       std::int64_t pixels, double unit) {
   constexpr double kDigits = 1e-6;  // that decimal strings keep
@@ -297,17 +314,6 @@ void requireShared(const std::string& path, const std::vector<DicomPlace>& place
                      first + 1, "; take its frames apart into volumes of one ", what);
 }
 
-struct ImagePlane {
-  glm::dvec3 row{1, 0, 0}, column{0, 1, 0};
-  glm::dvec3 normal() const { return glm::cross(row, column); }
-};
-
-ImagePlane planeOf(const std::string& orientation) {
-  const std::vector<double> axes = decimalStrings(orientation, 6);
-  if (axes.empty()) return {};
-  return {{axes[0], axes[1], axes[2]}, {axes[3], axes[4], axes[5]}};
-}
-
 // The number of frames, of which the header states the places of all or none.
 std::size_t countFrames(const std::string& path, const DicomHeader& header) {
   const auto count = static_cast<std::size_t>(integer(header.value(dicom::kNumberOfFrames), 1));
@@ -359,16 +365,10 @@ void placeFrames(const DicomStackWords& words, const DicomHeader& header,
   requireShared(words.path, places, pixels, 0, "pixel spacing",
                 [&](std::size_t frame) { return dicomPixelSpacing(header, frame); });
   const std::size_t first = places.front().index;
-  const ImagePlane plane = planeOf(header.value(dicom::kImageOrientation, first));
-  GridGeometry& geometry = info.geometry;
-  geometry.unit = LengthUnit::kMillimetre;
-  geometry.direction = glm::dmat3(plane.row, plane.column, plane.normal());
-  if (const std::vector<double> spacing = dicomPixelSpacing(header, first); !spacing.empty())
-    geometry.spacing = {spacing[0], spacing[1], 1};
-  else if (!options.spacing)
-    info.notes.push_back("the file has no pixel spacing: 1 mm is an assumption");
-  if (!header.hasGroups()) placeByOffsets(header, plane.normal(), places);
-  if (!sortDicomSlices(words, places, geometry, info.notes))
+  info.geometry = dicomPlane(header.value(dicom::kImageOrientation, first),
+                             dicomPixelSpacing(header, first), options, "the file has", info.notes);
+  if (!header.hasGroups()) placeByOffsets(header, info.geometry.direction[2], places);
+  if (!sortDicomSlices(words, places, info.geometry, info.notes))
     assumeDistance(header, options, first, info);
 }
 
@@ -426,7 +426,9 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
   bool times_differ = false;
   std::vector<DicomPlace> places = placesOf(header, frames, times_differ);
   const auto normalOf = [&](const DicomPlace& place) {
-    return planeOf(header.value(dicom::kImageOrientation, place.index)).normal();
+    std::vector<std::string> unsaid;
+    return dicomPlane(header.value(dicom::kImageOrientation, place.index), {}, options, "", unsaid)
+        .direction[2];
   };
   if (header.hasGroups()) chooseDicomVolume(words, normalOf, times_differ, options, places, info);
   if (places.size() < 2)

@@ -106,7 +106,8 @@ class AxisFinder {
     for (std::size_t i = dims_.size(); i-- > 0;)
       if (roles_[i] != Role::kTime && roles_[i] != Role::kChannel) candidates.push_back(i);
     if (candidates.size() < 3)
-      throw refused("its axes are ", axesText(), ", and a volume has three of space");
+      throw unusableDataset(name_, "its axes are ", axesText(),
+                            ", and a volume has three of space");
     std::stable_partition(candidates.begin(), candidates.end(),
                           [&](std::size_t i) { return dims_[i] != 1; });
     candidates.resize(3);
@@ -119,8 +120,9 @@ class AxisFinder {
     for (std::size_t i = 0; i < dims_.size(); ++i)
       if (!isOfSpace(i) && dims_[i] != 1) further.push_back(i);
     if (further.size() > 2)
-      throw refused("it has the axes ", axesText(),
-                    ", and beside three of space two are read; write a part of it to a file");
+      throw unusableDataset(
+          name_, "it has the axes ", axesText(),
+          ", and beside three of space two are read; write a part of it to a file");
     if (further.size() == 2) {
       const bool are_turned =
           roles_[further[0]] == Role::kChannel || roles_[further[1]] == Role::kTime;
@@ -158,9 +160,9 @@ class AxisFinder {
     bool has_one = false;
     for (std::size_t i = 0; i < dims_.size(); ++i)
       has_one |= !isOfSpace(i) && (roles_[i] == role || roles_[i] == Role::kUnknown);
-    throw refused("it has ", has_one ? "one " : "no ", kind,
-                  has_one ? ", number 0" : " to choose: its axes are " + axesText(),
-                  "; leave the choice of ", kind, " ", *wanted, " out");
+    throw unusableDataset(name_, "it has ", has_one ? "one " : "no ", kind,
+                          has_one ? ", number 0" : " to choose: its axes are " + axesText(),
+                          "; leave the choice of ", kind, " ", *wanted, " out");
   }
 
   // "z 10, y 20, x 24", or without names "10 x 20 x 24".
@@ -177,10 +179,6 @@ class AxisFinder {
   }
 
   ErrorPlace place() const { return {.path = splitHdf5Name(name_).first}; }
-  template <typename... Parts>
-  Error refused(const Parts&... why) const {
-    return fileError(place().path, "cannot use '", name_, "': ", why...);
-  }
 
   const std::string& name_;
   const std::vector<hsize_t>& dims_;
@@ -255,10 +253,9 @@ bool takeScales(const Hdf5Axes& axes, const std::vector<Hdf5Scale>& scales, Volu
           std::max(furthest, std::abs(scale.values[i] - (first + step * static_cast<double>(i))));
     constexpr double kMostVoxels = 0.01;
     if (!(furthest <= kMostVoxels * std::abs(step)))
-      throw fileError(splitHdf5Name(info.source).first, "cannot use '", info.source,
-                      "': the steps of its axis ", quotedText(scale.name, 40),
-                      " are uneven, up to ", furthest / std::abs(step),
-                      " voxels off; give it a spacing, or resample it to even steps");
+      throw unusableDataset(info.source, "the steps of its axis ", quotedText(scale.name, 40),
+                            " are uneven, up to ", furthest / std::abs(step),
+                            " voxels off; give it a spacing, or resample it to even steps");
     geometry.spacing[a] = step;
     geometry.origin[a] = first;
     units[axis] = scale.units;

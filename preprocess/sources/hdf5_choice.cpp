@@ -386,8 +386,8 @@ void placeImaris(hid_t file, const std::string& name, Hdf5Choice& choice) {
   if (!size) return;
   for (int axis = 0; axis < 3; ++axis)
     if (!((*size)[axis] >= 1 && (*size)[axis] <= static_cast<double>(kMaxVoxelsPerAxis)))
-      throw fileError(splitHdf5Name(name).first, "cannot use '", name, "': its size ",
-                      pointText(*size), " is none; correct the attributes of the channel");
+      throw unusableDataset(name, "its size ", pointText(*size),
+                            " is none; correct the attributes of the channel");
   choice.voxels = Index3(*size);
   const auto low = threeNumbers(image.id(), {"ExtMin0", "ExtMin1", "ExtMin2"});
   const auto high = threeNumbers(image.id(), {"ExtMax0", "ExtMax1", "ExtMax2"});

@@ -13,13 +13,21 @@
 #include <vector>
 
 #include "isobrick/preprocess/hdf5_handle.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
 
 // ---- names, attributes and scales of axes: hdf5_objects.cpp
+
+// "cannot use 'FILE:/DATASET': WHY"; `name` is the volume's.
+template <typename... Parts>
+Error unusableDataset(const std::string& name, const Parts&... why) {
+  return fileError(splitHdf5Name(name).first, "cannot use '", name, "': ", why...);
+}
 
 // The library's words, in quotes, for its call that failed just now; "" if it has none.
 std::string hdf5Reason();

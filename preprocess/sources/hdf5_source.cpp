@@ -125,17 +125,12 @@ class Hdf5Source final : public VolumeSource {
     layout_ = H5Pget_layout(creation_.id());
   }
 
-  template <typename... Parts>
-  Error refused(const Parts&... why) const {
-    return fileError(path_, "cannot use '", info_.source, "': ", why...);
-  }
-
   void takeShape() {
     const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
     const int axes = space.isValid() ? H5Sget_simple_extent_ndims(space.id()) : -1;
     if (axes < 3 || axes > kMostHdf5Axes)
-      throw refused("its dataset has ", axes,
-                    " axes, and a volume has three; name another dataset");
+      throw unusableDataset(info_.source, "its dataset has ", axes,
+                            " axes, and a volume has three; name another dataset");
     dims_.resize(static_cast<std::size_t>(axes));
     most_dims_.resize(dims_.size());
     H5Sget_simple_extent_dims(space.id(), dims_.data(), most_dims_.data());
@@ -156,16 +151,18 @@ class Hdf5Source final : public VolumeSource {
   // The rest of the dataset fills its chunks.
   void takeVoxelsOf(const Index3& voxels) {
     if (glm::any(glm::greaterThan(voxels, info_.voxels)))
-      throw refused("it says that it has ", indexText(voxels, " x "),
-                    " voxels, and its dataset has ", indexText(info_.voxels, " x "),
-                    "; get the whole file");
+      throw unusableDataset(info_.source, "it says that it has ", indexText(voxels, " x "),
+                            " voxels, and its dataset has ", indexText(info_.voxels, " x "),
+                            "; get the whole file");
     info_.voxels = voxels;
   }
 
   void takeType() {
     const auto stored = type_.isValid() ? storedTypeOf(type_.id()) : std::nullopt;
     if (!stored)
-      throw refused("its voxels are no integers or floats of up to 8 bytes; convert them first");
+      throw unusableDataset(
+          info_.source,
+          "its voxels are no integers or floats of up to 8 bytes; convert them first");
     const auto slope = Hdf5Attribute(dataset_.id(), "scale_factor").numbers(1);
     const auto intercept = Hdf5Attribute(dataset_.id(), "add_offset").numbers(1);
     StoredVoxels voxels;
@@ -200,7 +197,8 @@ class Hdf5Source final : public VolumeSource {
     for (std::size_t i = 0; i < dims_.size(); ++i) {
       if (__builtin_mul_overflow(chunk_bytes_, chunk_voxels_[i], &chunk_bytes_) ||
           chunk_bytes_ > kMostChunkBytes)
-        throw refused(
+        throw unusableDataset(
+            info_.source,
             "its chunks have more than 1 GiB; repack it with smaller ones (h5repack -l "
             "CHUNK=64x64x64)");
       // The library makes no chunk that is longer than a dataset of a fixed size, and reads past

@@ -395,23 +395,6 @@ void requireOneGrid(const std::vector<SeriesFile>& files) {
   }
 }
 
-// The grid of the first file's plane; slices 1 mm, or their thickness, apart.
-GridGeometry planeGeometry(const SeriesFile& first, const OpenOptions& options,
-                           std::vector<std::string>& notes) {
-  GridGeometry geometry;
-  geometry.unit = LengthUnit::kMillimetre;
-  if (const std::vector<double> axes = decimalStrings(first.orientation, 6); !axes.empty()) {
-    geometry.direction[0] = {axes[0], axes[1], axes[2]};
-    geometry.direction[1] = {axes[3], axes[4], axes[5]};
-    geometry.direction[2] = glm::cross(geometry.direction[0], geometry.direction[1]);
-  }
-  if (!first.pixel_spacing.empty())
-    geometry.spacing = {first.pixel_spacing[0], first.pixel_spacing[1], 1};
-  else if (!options.spacing)
-    notes.push_back("the files have no pixel spacing: 1 mm is an assumption");
-  return geometry;
-}
-
 // Sorts the slices of the one volume, those at the time of the options, and takes their places into
 // the geometry.
 void sortSlices(const std::string& folder, std::vector<SeriesFile>& files,
@@ -511,7 +494,8 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder, DicomSc
   info.source = folder;
   info.format = "DICOM series";
   info.notes = std::move(notes);
-  info.geometry = planeGeometry(files.front(), options, info.notes);
+  info.geometry = dicomPlane(files.front().orientation, files.front().pixel_spacing, options,
+                             "the files have", info.notes);
   sortSlices(folder, files, options, info);
   info.voxels = {files.front().file.columns, files.front().file.rows,
                  static_cast<std::int64_t>(files.size())};

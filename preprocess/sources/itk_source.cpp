@@ -233,10 +233,8 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
                  static_cast<std::int64_t>(first->GetDimensions(1)), std::ssize(paths)};
   checkVoxelCounts(folder, info.voxels);
   info.geometry.spacing = {first->GetSpacing(0), first->GetSpacing(1), 1};
-  std::vector<std::string> unsaid;  // of a distance that is given
-  std::vector<std::string>& distance_notes = options.spacing ? unsaid : info.notes;
   info.geometry.spacing.z = info.geometry.spacing.x;
-  distance_notes.emplace_back(kNoSliceDistance);
+  if (!options.spacing) info.notes.emplace_back(kNoSliceDistance);
   tidyGeometry(folder, info.geometry, info.voxels, info.notes);
   info.voxel_type = typeOf(*first);
   return std::make_unique<SliceStackSource>(std::move(info), paths, first->GetImageSizeInBytes(),

@@ -79,7 +79,6 @@ struct NumberPlace {
   }
   bool isChannel() const { return isOf({"c", "ch", "chan", "channel", "w", "wavelength"}); }
   bool isTime() const { return isOf({"t", "tp", "time", "timepoint", "frame"}); }
-  bool isSlice() const { return isOf({"z", "s", "sl", "slice", "plane", "section"}); }
 };
 
 // "ch" of "rec_ch", which is in front of a number.

@@ -126,10 +126,9 @@ struct StoredVoxels {
 
   // If keepsType(): turns `count` stored numbers at `data` into delivered ones.
   void decodeInPlace(void* data, std::size_t count) const;
-  // Otherwise: `stored`, aligned for its type, is overwritten on the way.
+  // Otherwise, to voxels of the type delivered(): `stored`, aligned for its type, is overwritten on
+  // the way.
   void decode(std::byte* stored, std::size_t count, void* out) const;
-  // For voxels with several numbers: likewise, to voxels of the type delivered().
-  void decodeComponents(std::byte* stored, std::size_t count, void* out) const;
 };
 
 // A voxel fits the buffer below.
@@ -142,17 +141,7 @@ inline constexpr std::size_t kDecodeBufferBytes = std::size_t{32} << 10;
 template <typename Read>
 void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read&& read) {
   auto* to = static_cast<std::byte*>(out);
-  if (stored.components > 1) {
-    alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
-    const std::size_t delivered_bytes = voxelBytes(stored.delivered());
-    while (count > 0) {
-      const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
-      read(buffer.data(), voxels * stored.bytes());
-      stored.decodeComponents(buffer.data(), voxels, to);
-      to += voxels * delivered_bytes;
-      count -= voxels;
-    }
-  } else if (stored.keepsType()) {
+  if (stored.keepsType()) {
     constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
     const std::size_t most = stored.isVerbatim() ? count : kPieceBytes / stored.bytes();
     while (count > 0) {
@@ -162,15 +151,16 @@ void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read
       to += voxels * stored.bytes();
       count -= voxels;
     }
-  } else {
-    alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
-    while (count > 0) {
-      const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
-      read(buffer.data(), voxels * stored.bytes());
-      stored.decode(buffer.data(), voxels, to);
-      to += voxels * voxelBytes(stored.delivered());
-      count -= voxels;
-    }
+    return;
+  }
+  alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
+  const std::size_t delivered_bytes = voxelBytes(stored.delivered());
+  while (count > 0) {
+    const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
+    read(buffer.data(), voxels * stored.bytes());
+    stored.decode(buffer.data(), voxels, to);
+    to += voxels * delivered_bytes;
+    count -= voxels;
   }
 }
 

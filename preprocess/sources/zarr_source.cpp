@@ -33,17 +33,18 @@
 namespace isobrick {
 namespace {
 
-// Vectors of T by key. Thread-safe.
-template <typename Key, typename T>
-class RecentCache {
+using Indices = ZarrArray::Indices;
+
+// Unpacked chunks. Thread-safe.
+class ChunkCache {
  public:
-  using Value = std::shared_ptr<const std::vector<T>>;
+  using Value = std::shared_ptr<const std::vector<std::byte>>;
 
   // Kept values take up to `budget_bytes`, or are one value.
-  explicit RecentCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
+  explicit ChunkCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
   // Null: it is not there.
-  Value find(const Key& key) {
+  Value find(const Indices& key) {
     const std::lock_guard lock(mutex_);
     const auto found = places_.find(key);
     if (found == places_.end()) return nullptr;
@@ -51,32 +52,31 @@ class RecentCache {
     return found->second->second;
   }
   // If two threads made the same value, that of the first is kept.
-  void add(const Key& key, Value value) {
+  void add(const Indices& key, Value value) {
     const std::lock_guard lock(mutex_);
     if (places_.contains(key)) return;
-    held_bytes_ += value->size() * sizeof(T);
+    held_bytes_ += value->size();
     values_.emplace_back(key, std::move(value));
     places_[key] = std::prev(values_.end());
     while (held_bytes_ > budget_bytes_ && values_.size() > 1) {
-      held_bytes_ -= values_.front().second->size() * sizeof(T);
+      held_bytes_ -= values_.front().second->size();
       places_.erase(values_.front().first);
       values_.pop_front();
     }
   }
 
  private:
-  using Values = std::list<std::pair<Key, Value>>;
+  using Values = std::list<std::pair<Indices, Value>>;
 
   const std::uint64_t budget_bytes_;
   std::mutex mutex_;  // guards all below
   Values values_;     // the one used last at the end
-  std::map<Key, typename Values::iterator> places_;
+  std::map<Indices, Values::iterator> places_;
   std::uint64_t held_bytes_ = 0;
 };
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-using Indices = ZarrArray::Indices;
 
 template <typename... Parts>
 Error cannotUse(const std::string& path, const Parts&... reason) {
@@ -115,8 +115,6 @@ Placement placementOf(const std::string& path, const Json& transformations, std:
   }
   return result;
 }
-
-using ChunkCache = RecentCache<Indices, std::byte>;
 
 // The chunks that were read, each counted once, and how many of them the store lacks. Chunks are
 // not counted if there are more than any volume has that was not made for it.

@@ -273,14 +273,11 @@ bool storeFileIsThere(const std::string& path) {
 }
 
 void visitStoreFolders(const std::string& folder, const std::function<bool(std::string)>& f) {
-  if (const auto store = remoteStoreOf(folder)) {
-    for (std::string& name : store->childrenOf(folder))
-      if (!f(std::move(name))) return;
-    return;
-  }
   std::string inside;
-  if (const auto zip = zipThrough(folder, inside)) {
-    for (std::string& name : zip->childrenOf(inside))
+  const auto zip = zipThrough(folder, inside);
+  const auto store = remoteStoreOf(folder);
+  if (zip != nullptr || store != nullptr) {
+    for (std::string& name : zip != nullptr ? zip->childrenOf(inside) : store->childrenOf(folder))
       if (!f(std::move(name))) return;
     return;
   }

@@ -170,8 +170,7 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   writeChunks(source, options, writer);
   writer.finish();
   report.bytes = fileBytes(file.temporaryPath());
-  if (options.before_publishing) options.before_publishing();
-  file.commit(options.cancel);
+  publish(file, options);
   return report;
 }
 
