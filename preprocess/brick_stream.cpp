@@ -42,11 +42,32 @@ class VoxelWindow final : public BrickSupply {
   // Nobody may use the former bricks any more.
   void show(const SampleBlock<T>& voxels) { voxels_ = voxels; }
   // The range of all bricks that were asked for theirs.
-  ValueRange seenRange() const;
+  ValueRange seenRange() const {
+    const std::lock_guard lock(mutex_);
+    return seen_;
+  }
 
-  ValueRange range(const Index3& brick) const override;
-  void copyTileRanges(const Index3& brick, std::byte* out) const override;
-  void copySamples(const Index3& brick, std::byte* out) const override;
+  ValueRange range(const Index3& brick) const override {
+    const IndexBox cells = layout_.brickCellBox(0, brick);
+    const ValueRange range = rangeOfBlock(voxels_.part({cells.first, cells.count + Index3(1)}));
+    const std::lock_guard lock(mutex_);
+    seen_.include(range);
+    return range;
+  }
+  void copyTileRanges(const Index3& brick, std::byte* out) const override {
+    thread_local CubeRanges<T> tiles;
+    tiles.reset(layout_.brickTiles(0, brick));
+    includeClosedCubes(voxels_, layout_.brickCellBox(0, brick), layout_.tileCells(), tiles);
+    T* pair = reinterpret_cast<T*>(out);
+    for (std::size_t i = 0; i < tiles.size(); ++i) {
+      *pair++ = tiles.min[i];
+      *pair++ = tiles.max[i];
+    }
+  }
+  void copySamples(const Index3& brick, std::byte* out) const override {
+    const IndexBox box = layout_.brickSampleBox(0, brick);
+    copyBox(voxels_, box, reinterpret_cast<T*>(out), box);
+  }
 
  private:
   const BrickLayout layout_;
@@ -60,39 +81,6 @@ PyramidSpec level0Spec(const VolumeInfo& info) {
   BuildOptions options;
   options.with_curvature = false;
   return pyramidSpecOf(info, options);
-}
-
-template <typename T>
-ValueRange VoxelWindow<T>::seenRange() const {
-  const std::lock_guard lock(mutex_);
-  return seen_;
-}
-
-template <typename T>
-ValueRange VoxelWindow<T>::range(const Index3& brick) const {
-  const IndexBox cells = layout_.brickCellBox(0, brick);
-  const ValueRange range = rangeOfBlock(voxels_.part({cells.first, cells.count + Index3(1)}));
-  const std::lock_guard lock(mutex_);
-  seen_.include(range);
-  return range;
-}
-
-template <typename T>
-void VoxelWindow<T>::copyTileRanges(const Index3& brick, std::byte* out) const {
-  thread_local CubeRanges<T> tiles;
-  tiles.reset(layout_.brickTiles(0, brick));
-  includeClosedCubes(voxels_, layout_.brickCellBox(0, brick), layout_.tileCells(), tiles);
-  T* pair = reinterpret_cast<T*>(out);
-  for (std::size_t i = 0; i < tiles.size(); ++i) {
-    *pair++ = tiles.min[i];
-    *pair++ = tiles.max[i];
-  }
-}
-
-template <typename T>
-void VoxelWindow<T>::copySamples(const Index3& brick, std::byte* out) const {
-  const IndexBox box = layout_.brickSampleBox(0, brick);
-  copyBox(voxels_, box, reinterpret_cast<T*>(out), box);
 }
 
 // The voxels that a window of bricks takes.
@@ -227,7 +215,8 @@ class BrickStream::TypedRun final : public Run {
       const auto now = static_cast<std::size_t>(i) % plan.buffers;
       const auto before = (now + plan.buffers - 1) % plan.buffers;
       const IndexBox box = boxOf(plan.windows.window(i));
-      if (i + 1 < plan.windows.count()) source_->announce(boxOf(plan.windows.window(i + 1)));
+      if (i + 1 < plan.windows.count())
+        source_->announce(std::array{box, boxOf(plan.windows.window(i + 1))});
       fillWindow(box, boxes[before], buffers_[before].data(), buffers_[now].data());
       boxes[now] = box;
     };

@@ -47,8 +47,7 @@ template <typename T>
 T loadNumber(const void* from, bool big_endian) {
   std::array<std::byte, sizeof(T)> bytes;
   std::memcpy(bytes.data(), from, sizeof(T));
-  if (big_endian != (std::endian::native == std::endian::big))
-    std::reverse(bytes.begin(), bytes.end());
+  if (big_endian != (std::endian::native == std::endian::big)) std::ranges::reverse(bytes);
   return std::bit_cast<T>(bytes);
 }
 

@@ -51,7 +51,7 @@ std::string identityWithoutFiles(const VolumeSource& source) {
   if (text.empty())
     throw std::logic_error("a volume source has neither files() nor an identity() of its own");
   // It is a line among others.
-  std::replace(text.begin(), text.end(), '\n', ' ');
+  std::ranges::replace(text, '\n', ' ');
   return text;
 }
 

@@ -1,6 +1,7 @@
 #include "isobrick/preprocess/level_maker.h"
 
 #include <algorithm>
+#include <array>
 
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -128,7 +129,8 @@ void LevelMaker<T>::makeLevel(int level, LevelInput<T>* input, const LevelStore*
       [&](std::int64_t i, BrickWindow& window) {
         window.bricks = windows.window(i);
         if (input != nullptr && i + 1 < windows.count() && hasToBeRead(0, windows.window(i + 1)))
-          input->announce(region_.samples(0, windows.window(i + 1)));
+          input->announce(std::array{region_.samples(0, window.bricks),
+                                     region_.samples(0, windows.window(i + 1))});
         readWindow(level, input, store, window);
       },
       [&](const BrickWindow& window, BrickBatch& batch) {

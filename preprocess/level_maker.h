@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -92,8 +93,8 @@ class LevelInput {
   virtual void begin(std::int64_t first_slice) = 0;
   // Slices below are not asked for any more.
   virtual void releaseBefore(std::int64_t slice) = 0;
-  // Will be read after the window that is read next.
-  virtual void announce(const IndexBox& box) = 0;
+  // The window that is read next, and the one behind it.
+  virtual void announce(std::span<const IndexBox> boxes) = 0;
   virtual void read(const IndexBox& slices, std::byte* to) = 0;
   // A window was read, as dense `voxels`; `own` are those that no other window has. May change
   // them.

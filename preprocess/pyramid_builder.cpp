@@ -213,8 +213,8 @@ class Build : LevelInput<T> {
   void releaseBefore(std::int64_t slice) override {
     if (spool_ != nullptr) spool_->releaseBefore(slice);
   }
-  void announce(const IndexBox& box) override {
-    if (spool_ == nullptr) source_.announce(box);
+  void announce(std::span<const IndexBox> boxes) override {
+    if (spool_ == nullptr) source_.announce(boxes);
   }
   void read(const IndexBox& slices, std::byte* to) override {
     if (spool_ != nullptr)

@@ -128,7 +128,7 @@ class TransformChoice {
       : samples_(std::move(samples)),
         scale_(scaleOf(static_cast<double>(least), static_cast<double>(greatest))) {
     samples_.insert(samples_.end(), {least, greatest});
-    std::sort(samples_.begin(), samples_.end());
+    std::ranges::sort(samples_);
     gaps_.assign(samples_.size(), std::numeric_limits<double>::infinity());
     // From the one before that differs; and back, from the one behind.
     const auto narrow = [&](std::size_t at, std::size_t last, std::size_t& other) {

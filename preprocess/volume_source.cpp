@@ -22,7 +22,7 @@ void VolumeSource::readRows(std::int64_t first, std::int64_t count, void* out) {
   }
 }
 
-void VolumeSource::announce(const IndexBox&) const {}
+void VolumeSource::announce(std::span<const IndexBox>) const {}
 
 void VolumeSource::chooseVoxels(const CancelFlag*, const std::function<void(double)>&) {}
 void VolumeSource::chooseVoxelsAs(const VolumeInfo&) {}

@@ -1,11 +1,13 @@
 // Sources of voxels: the interface between file formats and the pyramid builder.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -79,9 +81,10 @@ class VolumeSource {
   // Writes the voxels of `box`, x fastest, box.count.x * y * z of them, into `out`. Any box, in any
   // order, by any number of threads at once. Only if readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
-  // Says that this box will be read soon, after those that were said before. A source that is far
-  // away begins to bring it in, as far as it has room; the others do nothing. Thread-safe.
-  virtual void announce(const IndexBox& box) const;
+  // Says that these boxes will be read soon, in this order; what was said before counts no more. A
+  // source that is far away begins to bring them in, as far as it has room, and goes on while it is
+  // read; the others do nothing. Thread-safe.
+  virtual void announce(std::span<const IndexBox> boxes) const;
 
   // If no pyramid holds the input's numbers: reads them all once, and chooses what is delivered
   // (VolumeInfo: voxel_type, values, range; a note says what changes); float32 without it. Before
@@ -109,5 +112,20 @@ class VolumeSource {
   // library decodes as a whole, or the whole image of a format that cannot be streamed.
   virtual std::uint64_t bufferBytes() const { return 0; }
 };
+
+// For VolumeSource::readRows(): calls take(z, y, rows, out) with rows [first, first + count) of the
+// volume as the rows y to y + rows of slice z, one slice after the other; `out` is their place.
+template <typename Take>
+void forEachSliceOfRows(const VolumeInfo& info, std::int64_t first, std::int64_t count, void* out,
+                        Take&& take) {
+  auto* to = static_cast<std::byte*>(out);
+  for (const std::int64_t end = first + count; first < end;) {
+    const std::int64_t z = first / info.voxels.y, y = first % info.voxels.y;
+    const std::int64_t rows = std::min(info.voxels.y - y, end - first);
+    take(z, y, rows, to);
+    to += static_cast<std::size_t>(rows * info.voxels.x) * voxelBytes(info.voxel_type);
+    first += rows;
+  }
+}
 
 }  // namespace isobrick

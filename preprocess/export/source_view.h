@@ -29,7 +29,7 @@ class SourceView : public VolumeSource {
     source_->readRows(first, count, out);
   }
   void readBox(const IndexBox& box, void* out) const override { source_->readBox(box, out); }
-  void announce(const IndexBox& box) const override { source_->announce(box); }
+  void announce(std::span<const IndexBox> boxes) const override { source_->announce(boxes); }
   void chooseVoxels(const CancelFlag* cancel,
                     const std::function<void(double)>& progress) override {
     const std::size_t notes = source_->info().notes.size();

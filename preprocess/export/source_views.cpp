@@ -51,8 +51,10 @@ class CroppedSource final : public SourceView {
   void readBox(const IndexBox& box, void* out) const override {
     source_->readBox({box_.first + box.first, box.count}, out);
   }
-  void announce(const IndexBox& box) const override {
-    source_->announce({box_.first + box.first, box.count});
+  void announce(std::span<const IndexBox> boxes) const override {
+    std::vector<IndexBox> moved(boxes.begin(), boxes.end());
+    for (IndexBox& box : moved) box.first += box_.first;
+    source_->announce(moved);
   }
 
  private:

@@ -26,6 +26,13 @@ inline void checkCancel(const VolumeWriteOptions& options) {
   if (options.cancel != nullptr) options.cancel->check();
 }
 
+// Gives a complete file or folder its name.
+template <typename Output>
+void publish(Output& output, const VolumeWriteOptions& options) {
+  if (options.before_publishing) options.before_publishing();
+  output.commit(options.cancel);
+}
+
 // Fills `out` with rows, and checks the request to cancel after every MiB if the source is slow.
 void readRowsWatched(VolumeSource& source, std::int64_t first, std::int64_t count, std::byte* out,
                      const VolumeWriteOptions& options);

@@ -259,9 +259,8 @@ std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std
 
 // Once everything is written.
 void publish(AtomicFile& file, const VolumeWriteOptions& options, VolumeWriteReport& report) {
-  if (options.before_publishing) options.before_publishing();
   report.bytes += file.position();
-  file.commit(options.cancel);
+  publish(file, options);
 }
 
 void writeText(AtomicFile& file, std::string_view text) { file.write(text.data(), text.size()); }

@@ -54,23 +54,10 @@ constexpr std::array<std::uint8_t, 256> makeMeanings() {
 }
 constexpr std::array<std::uint8_t, 256> kMeanings = makeMeanings();
 
-class Base64Stream final : public ByteStream {
+class Base64Stream final : public PieceStream {
  public:
   Base64Stream(std::shared_ptr<const InputFile> file, std::uint64_t offset)
-      : file_(std::move(file)), at_(offset), text_(kTextBytes), decoded_(kDecodedBytes) {}
-
-  std::size_t read(void* out, std::size_t bytes) override {
-    auto* to = static_cast<std::byte*>(out);
-    std::size_t got = 0;
-    while (got < bytes) {
-      if (next_ == filled_ && !refill()) break;
-      const std::size_t part = std::min(bytes - got, filled_ - next_);
-      std::memcpy(to + got, decoded_.data() + next_, part);
-      got += part;
-      next_ += part;
-    }
-    return got;
-  }
+      : file_(std::move(file)), at_(offset), text_(kTextBytes) {}
 
   std::uint64_t bufferBytes() const override { return kTextBytes + kDecodedBytes; }
 
@@ -79,15 +66,16 @@ class Base64Stream final : public ByteStream {
   // A group that began in the text before may end in this one.
   static constexpr std::size_t kDecodedBytes = kTextBytes / 4 * 3 + 3;
 
-  // Decodes the next piece of text; false if there is none.
-  bool refill() {
-    next_ = filled_ = 0;
+  bool refill() override {
+    piece_.resize(kDecodedBytes);
+    filled_ = 0;
     while (!ended_ && filled_ == 0) {
       const std::size_t got = file_->readAt(at_, text_.data(), text_.size());
       if (got == 0) ended_ = true;
       decode(got);
       at_ += got;
     }
+    piece_.resize(filled_);
     return filled_ > 0;
   }
 
@@ -112,7 +100,7 @@ class Base64Stream final : public ByteStream {
 
   void endGroup() {
     for (int i = 0; i < 3 - paddings_; ++i)
-      decoded_[filled_++] = static_cast<std::byte>(group_ >> (16 - 8 * i) & 0xff);
+      piece_[filled_++] = static_cast<std::byte>(group_ >> (16 - 8 * i) & 0xff);
     group_ = 0;
     digits_ = paddings_ = 0;
   }
@@ -120,8 +108,7 @@ class Base64Stream final : public ByteStream {
   std::shared_ptr<const InputFile> file_;
   std::uint64_t at_;  // of the text that is decoded next
   std::vector<unsigned char> text_;
-  std::vector<std::byte> decoded_;  // of which [next_, filled_) was not yet read
-  std::size_t next_ = 0, filled_ = 0;
+  std::size_t filled_ = 0;  // bytes of the piece
   // Four digits, some of them padding, are a group of three bytes or fewer.
   std::uint32_t group_ = 0;
   int digits_ = 0, paddings_ = 0;
@@ -130,22 +117,11 @@ class Base64Stream final : public ByteStream {
 
 constexpr std::size_t kMostWordBytes = 400;  // a double in full has some more than 300 digits
 
-class TextNumbers final : public ByteStream {
+class TextNumbers final : public PieceStream {
  public:
   TextNumbers(std::shared_ptr<const InputFile> file, std::uint64_t offset, StoredType type,
               std::uint64_t count)
       : file_(std::move(file)), at_(offset), type_(type), left_(count) {}
-
-  std::size_t read(void* out, std::size_t bytes) override {
-    std::size_t got = 0;
-    while (got < bytes && (next_ < numbers_.size() || refill())) {
-      const std::size_t part = std::min(bytes - got, numbers_.size() - next_);
-      std::memcpy(static_cast<std::byte*>(out) + got, numbers_.data() + next_, part);
-      next_ += part;
-      got += part;
-    }
-    return got;
-  }
 
   std::uint64_t bufferBytes() const override { return 5 * kTextBytes; }
 
@@ -153,12 +129,10 @@ class TextNumbers final : public ByteStream {
   static constexpr std::size_t kTextBytes = std::size_t{32} << 10;
   static constexpr std::string_view kBetween = " \t\r\n,";
 
-  // Reads the words of the next piece of text; false if there is none.
-  bool refill() {
-    numbers_.clear();
-    next_ = 0;
+  bool refill() override {
+    piece_.clear();
     std::string text;
-    while (numbers_.empty() && !ended_ && left_ > 0) {
+    while (piece_.empty() && !ended_ && left_ > 0) {
       text.resize(kTextBytes);
       text.resize(file_->readAt(at_, text.data(), text.size()));
       const std::size_t end = text.find('<');
@@ -167,7 +141,7 @@ class TextNumbers final : public ByteStream {
       if (taken == 0 && !ended_) throw noNumber(text, 0);
       at_ += taken;
     }
-    return !numbers_.empty();
+    return !piece_.empty();
   }
 
   // All but the last one, which may go on in the text behind. Returns where that begins.
@@ -192,9 +166,9 @@ class TextNumbers final : public ByteStream {
         if (word.size() <= kMostWordBytes)
           number = numberIn<T>(word.substr(word.starts_with('+') ? 1 : 0));
       if (!number) throw noNumber(word, begin);
-      const std::size_t size = numbers_.size();
-      numbers_.resize(size + sizeof(T));
-      std::memcpy(numbers_.data() + size, &*number, sizeof(T));
+      const std::size_t size = piece_.size();
+      piece_.resize(size + sizeof(T));
+      std::memcpy(piece_.data() + size, &*number, sizeof(T));
       --left_;
     });
   }
@@ -208,12 +182,28 @@ class TextNumbers final : public ByteStream {
   std::uint64_t at_;  // of the text that is read next
   StoredType type_;
   std::uint64_t left_;  // numbers that were not read yet
-  std::vector<std::byte> numbers_;
-  std::size_t next_ = 0;  // in numbers_
   bool ended_ = false;
 };
 
 }  // namespace
+
+std::size_t PieceStream::read(void* out, std::size_t bytes) {
+  std::size_t got = 0;
+  while (got < bytes) {
+    if (next_ == piece_.size()) {
+      next_ = 0;
+      if (!refill()) {
+        piece_.clear();
+        break;
+      }
+    }
+    const std::size_t part = std::min(bytes - got, piece_.size() - next_);
+    std::memcpy(static_cast<std::byte*>(out) + got, piece_.data() + next_, part);
+    next_ += part;
+    got += part;
+  }
+  return got;
+}
 
 std::uint64_t skipBytes(ByteStream& stream, std::uint64_t bytes) {
   std::vector<std::byte> scratch(std::min<std::uint64_t>(bytes, std::uint64_t{64} << 10));
@@ -239,16 +229,11 @@ std::unique_ptr<ByteStream> makeBase64Stream(std::shared_ptr<const InputFile> fi
 
 namespace {
 
-// Members end with an end mark: they are those of a gzip file, or the blocks of a VTK file.
+// Members end with an end mark.
 class InflateStream final : public ByteStream {
  public:
-  InflateStream(const std::string& path, std::unique_ptr<ByteStream> packed,
-                std::uint64_t block_bytes, std::uint64_t total_bytes)
-      : path_(path),
-        packed_(std::move(packed)),
-        block_bytes_(block_bytes),
-        total_bytes_(total_bytes),
-        input_(kInputBytes) {
+  InflateStream(const std::string& path, std::unique_ptr<ByteStream> packed)
+      : path_(path), packed_(std::move(packed)), input_(kInputBytes) {
     constexpr int kAnyWindow = 15, kGzipOrZlib = 32;
     if (inflateInit2(&zlib_, kAnyWindow + kGzipOrZlib) != Z_OK) throw std::bad_alloc();
   }
@@ -277,14 +262,12 @@ class InflateStream final : public ByteStream {
  private:
   static constexpr std::size_t kInputBytes = std::size_t{256} << 10;
 
-  bool isBlocks() const { return block_bytes_ != 0; }
-
   // False if the content ends with the member before.
   bool beginMember() {
     const bool is_first = !began_;
     began_ = true;
     // The first one is there: if it is empty, that is an end before the end mark.
-    if (!is_first && (isBlocks() ? content_bytes_ >= total_bytes_ : !atGzipMagic())) return false;
+    if (!is_first && !atGzipMagic()) return false;
     if (!is_first && inflateReset(&zlib_) != Z_OK) throw damaged();
     in_member_ = true;
     return true;
@@ -309,8 +292,6 @@ class InflateStream final : public ByteStream {
     content_bytes_ += got;
     if (result == Z_STREAM_END) {
       in_member_ = false;
-      if (isBlocks() && content_bytes_ % block_bytes_ != 0 && content_bytes_ != total_bytes_)
-        throw damaged();
     } else if (result == Z_MEM_ERROR) {
       throw std::bad_alloc();
     } else if (result != Z_OK && result != Z_BUF_ERROR) {
@@ -337,7 +318,6 @@ class InflateStream final : public ByteStream {
 
   std::string path_;
   std::unique_ptr<ByteStream> packed_;
-  std::uint64_t block_bytes_, total_bytes_;  // of VTK's blocks; 0 for gzip
   std::vector<Bytef> input_;
   z_stream zlib_ = {};
   std::uint64_t content_bytes_ = 0;
@@ -348,14 +328,7 @@ class InflateStream final : public ByteStream {
 
 std::unique_ptr<ByteStream> makeInflateStream(const std::string& path,
                                               std::unique_ptr<ByteStream> packed) {
-  return std::make_unique<InflateStream>(path, std::move(packed), 0, 0);
-}
-
-std::unique_ptr<ByteStream> makeInflateBlocksStream(const std::string& path,
-                                                    std::unique_ptr<ByteStream> packed,
-                                                    std::uint64_t block_bytes,
-                                                    std::uint64_t total_bytes) {
-  return std::make_unique<InflateStream>(path, std::move(packed), block_bytes, total_bytes);
+  return std::make_unique<InflateStream>(path, std::move(packed));
 }
 
 namespace {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
@@ -23,6 +24,21 @@ class ByteStream {
   virtual void finish() {}
   // The most bytes that the stream holds.
   virtual std::uint64_t bufferBytes() const { return 0; }
+};
+
+// Of pieces that are made one after the other.
+class PieceStream : public ByteStream {
+ public:
+  std::size_t read(void* out, std::size_t bytes) final;
+
+ protected:
+  std::vector<std::byte> piece_;
+
+ private:
+  // Makes the next one; false if there is none, or it is empty.
+  virtual bool refill() = 0;
+
+  std::size_t next_ = 0;  // in piece_
 };
 
 // Reads and forgets `bytes`; returns how many there were.
@@ -50,13 +66,6 @@ std::unique_ptr<ByteStream> makeInflateStream(const std::string& path,
 // The same of one bzip2 stream. Holds at most 4 MiB.
 std::unique_ptr<ByteStream> makeBunzipStream(const std::string& path,
                                              std::unique_ptr<ByteStream> packed);
-
-// The blocks of a VTK file: zlib streams one behind the other that inflate to `block_bytes` each,
-// the last one to the rest of `total_bytes`. A block of another size is damage.
-std::unique_ptr<ByteStream> makeInflateBlocksStream(const std::string& path,
-                                                    std::unique_ptr<ByteStream> packed,
-                                                    std::uint64_t block_bytes,
-                                                    std::uint64_t total_bytes);
 
 // The bytes, in the order of the machine, of `count` numbers that stand in the file from `offset`
 // on with blanks or commas between them; fewer if a '<' or the end of the file comes before. Holds

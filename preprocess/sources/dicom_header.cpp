@@ -60,9 +60,7 @@ constexpr std::array<std::uint32_t, 12> kGroupValues = {
 constexpr std::array<std::uint32_t, 3> kLongNumbers = {
     dicom::kInStackPosition, dicom::kTemporalPositionIndex, dicom::kDimensionIndexValues};
 
-bool isOneOf(const auto& all, const auto& one) {
-  return std::find(all.begin(), all.end(), one) != all.end();
-}
+bool isOneOf(const auto& all, const auto& one) { return std::ranges::find(all, one) != all.end(); }
 
 std::atomic<std::uint64_t> headers_read{0};
 

@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/sources/dicom_stack.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,8 +8,7 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_header.h"
-#include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/dicom_source.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -27,8 +24,8 @@ constexpr double kMostOffGrid = 0.01, kMostRounding = 0.4;
 constexpr double kCoarsestDecimal = 0.1;
 
 bool haveAllPositions(const std::vector<DicomPlace>& places) {
-  return std::all_of(places.begin(), places.end(),
-                     [](const DicomPlace& place) { return place.position.has_value(); });
+  return std::ranges::all_of(places,
+                             [](const DicomPlace& place) { return place.position.has_value(); });
 }
 
 // Without positions it cannot be decided: true.
@@ -36,7 +33,7 @@ bool areSomeAtOnePosition(const std::vector<DicomPlace>& places, const glm::dvec
   if (!haveAllPositions(places)) return true;
   std::vector<double> heights;
   for (const DicomPlace& place : places) heights.push_back(glm::dot(*place.position, normal));
-  std::sort(heights.begin(), heights.end());
+  std::ranges::sort(heights);
   const double mean_gap = (heights.back() - heights.front()) /
                           static_cast<double>(std::max<std::size_t>(heights.size(), 2) - 1);
   for (std::size_t i = 1; i < heights.size(); ++i)
@@ -57,20 +54,13 @@ void chooseStack(const std::string& path, const std::string& name, std::vector<D
     return takeNoteOfChoice("stack " + quotedText(name, 40), info);
   }
   if (counts.size() == 1 && name.empty()) return;
-  std::string list;
-  std::size_t listed = 0;
-  constexpr std::size_t kMostListed = 12;
-  for (const auto& [stack, count] : counts) {
-    if (listed++ == kMostListed) {
-      list += ", ...";
-      break;
-    }
-    list += concat(list.empty() ? "" : ", ", quotedText(stack, 40), " (", count, " slices)");
-  }
+  ListText list;
+  for (const auto& [stack, count] : counts)
+    list.add(quotedText(stack, 40), " (", count, " slices)");
   if (!name.empty())
-    throw unusable(path, "it has no stack of the name ", quotedText(name, 40), "; it has ", list,
-                   Remedy::kChooseStack);
-  throw unusable(path, "it holds ", counts.size(), " stacks of slices: ", list,
+    throw unusable(path, "it has no stack of the name ", quotedText(name, 40), "; it has ",
+                   list.text(), Remedy::kChooseStack);
+  throw unusable(path, "it holds ", counts.size(), " stacks of slices: ", list.text(),
                  Remedy::kChooseStack);
 }
 
@@ -147,15 +137,15 @@ void chooseDicomVolume(const DicomStackWords& words,
 bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& places,
                      GridGeometry& geometry, std::vector<std::string>& notes) {
   if (!haveAllPositions(places)) {
-    std::stable_sort(places.begin(), places.end(),
-                     [](const DicomPlace& a, const DicomPlace& b) { return a.number < b.number; });
+    std::ranges::stable_sort(
+        places, [](const DicomPlace& a, const DicomPlace& b) { return a.number < b.number; });
     return false;
   }
   const glm::dvec3 normal =
       glm::normalize(glm::cross(geometry.direction[0], geometry.direction[1]));
   const auto height = [&](const DicomPlace& place) { return glm::dot(*place.position, normal); };
-  std::stable_sort(places.begin(), places.end(),
-                   [&](const DicomPlace& a, const DicomPlace& b) { return height(a) < height(b); });
+  std::ranges::stable_sort(
+      places, [&](const DicomPlace& a, const DicomPlace& b) { return height(a) < height(b); });
   const auto count = static_cast<double>(places.size() - 1);
   const glm::dvec3 origin = *places.front().position;
   const glm::dvec3 step = (*places.back().position - origin) / count;
@@ -227,6 +217,23 @@ double dicomSliceDistance(const DicomHeader& header, std::size_t frame) {
   return 0;
 }
 
+GridGeometry dicomPlane(const std::string& orientation, const std::vector<double>& pixel_spacing,
+                        const OpenOptions& options, const std::string& who,
+                        std::vector<std::string>& notes) {
+  GridGeometry geometry;
+  geometry.unit = LengthUnit::kMillimetre;
+  if (const std::vector<double> axes = decimalStrings(orientation, 6); !axes.empty()) {
+    geometry.direction[0] = {axes[0], axes[1], axes[2]};
+    geometry.direction[1] = {axes[3], axes[4], axes[5]};
+    geometry.direction[2] = glm::cross(geometry.direction[0], geometry.direction[1]);
+  }
+  if (!pixel_spacing.empty())
+    geometry.spacing = {pixel_spacing[0], pixel_spacing[1], 1};
+  else if (!options.spacing)
+    notes.push_back(who + " no pixel spacing: 1 mm is an assumption");
+  return geometry;
+}
+
 bool areSameForPixels(const std::vector<double>& a, const std::vector<double>& b,
                       std::int64_t pixels, double unit) {
   constexpr double kDigits = 1e-6;  // that decimal strings keep
@@ -267,9 +274,7 @@ void sortDimensions(const DicomHeader& header, std::size_t frame, DicomPlace& pl
     const auto pointer = header.dimensions[i].find(dicom::kDimensionIndexPointer);
     if (pointer == header.dimensions[i].end()) continue;
     const auto tag = static_cast<std::uint32_t>(integer(pointer->second, 0));
-    const auto isIn = [&](const auto& tags) {
-      return std::find(tags.begin(), tags.end(), tag) != tags.end();
-    };
+    const auto isIn = [&](const auto& tags) { return std::ranges::find(tags, tag) != tags.end(); };
     if (isIn(kPlaceDimensions)) continue;
     (isIn(kTimeDimensions) ? place.time : place.channel)
         .push_back(static_cast<std::int64_t>(indices[i]));
@@ -307,17 +312,6 @@ void requireShared(const std::string& path, const std::vector<DicomPlace>& place
     if (!areSameForPixels(numbersOf(first), numbersOf(place.index), pixels, unit))
       throw unusable(path, "frame ", place.index + 1, " has another ", what, " than frame ",
                      first + 1, "; take its frames apart into volumes of one ", what);
-}
-
-struct ImagePlane {
-  glm::dvec3 row{1, 0, 0}, column{0, 1, 0};
-  glm::dvec3 normal() const { return glm::cross(row, column); }
-};
-
-ImagePlane planeOf(const std::string& orientation) {
-  const std::vector<double> axes = decimalStrings(orientation, 6);
-  if (axes.empty()) return {};
-  return {{axes[0], axes[1], axes[2]}, {axes[3], axes[4], axes[5]}};
 }
 
 // The number of frames, of which the header states the places of all or none.
@@ -371,16 +365,10 @@ void placeFrames(const DicomStackWords& words, const DicomHeader& header,
   requireShared(words.path, places, pixels, 0, "pixel spacing",
                 [&](std::size_t frame) { return dicomPixelSpacing(header, frame); });
   const std::size_t first = places.front().index;
-  const ImagePlane plane = planeOf(header.value(dicom::kImageOrientation, first));
-  GridGeometry& geometry = info.geometry;
-  geometry.unit = LengthUnit::kMillimetre;
-  geometry.direction = glm::dmat3(plane.row, plane.column, plane.normal());
-  if (const std::vector<double> spacing = dicomPixelSpacing(header, first); !spacing.empty())
-    geometry.spacing = {spacing[0], spacing[1], 1};
-  else if (!options.spacing)
-    info.notes.push_back("the file has no pixel spacing: 1 mm is an assumption");
-  if (!header.hasGroups()) placeByOffsets(header, plane.normal(), places);
-  if (!sortDicomSlices(words, places, geometry, info.notes))
+  info.geometry = dicomPlane(header.value(dicom::kImageOrientation, first),
+                             dicomPixelSpacing(header, first), options, "the file has", info.notes);
+  if (!header.hasGroups()) placeByOffsets(header, info.geometry.direction[2], places);
+  if (!sortDicomSlices(words, places, info.geometry, info.notes))
     assumeDistance(header, options, first, info);
 }
 
@@ -438,7 +426,9 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
   bool times_differ = false;
   std::vector<DicomPlace> places = placesOf(header, frames, times_differ);
   const auto normalOf = [&](const DicomPlace& place) {
-    return planeOf(header.value(dicom::kImageOrientation, place.index)).normal();
+    std::vector<std::string> unsaid;
+    return dicomPlane(header.value(dicom::kImageOrientation, place.index), {}, options, "", unsaid)
+        .direction[2];
   };
   if (header.hasGroups()) chooseDicomVolume(words, normalOf, times_differ, options, places, info);
   if (places.size() < 2)

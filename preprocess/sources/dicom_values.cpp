@@ -132,7 +132,7 @@ void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::stri
   const auto differs = [&](const DicomValueMap& map) {
     return map.slope != maps.front().slope || map.intercept != maps.front().intercept;
   };
-  if (std::any_of(maps.begin(), maps.end(), differs))
+  if (std::ranges::any_of(maps, differs))
     notes.push_back("rescale slope and intercept, which differ, were applied to each frame");
   else if (maps.front().slope != 1 || maps.front().intercept != 0)
     notes.push_back("rescale slope and intercept were applied to the stored values");
@@ -145,7 +145,7 @@ void noteMonochrome1(const std::string& photometric, std::vector<std::string>& n
 }
 
 DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps) {
-  const auto all = [&](auto&& holds) { return std::all_of(maps.begin(), maps.end(), holds); };
+  const auto all = [&](auto&& holds) { return std::ranges::all_of(maps, holds); };
   if (!all([](const DicomValueMap& m) { return isWhole(m.slope) && isWhole(m.intercept); }))
     return {VoxelType::kFloat32, "slope or intercept is no whole number: values became float32"};
   const auto isByte = [&](const DicomValueMap& m) {

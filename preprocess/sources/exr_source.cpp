@@ -39,7 +39,7 @@ std::vector<std::string> exrFilesIn(const std::string& folder) {
   std::vector<std::string> files;
   for (std::string& file : filesInFolder(folder))
     if (lowerExtension(file) == ".exr") files.push_back(std::move(file));
-  std::sort(files.begin(), files.end(), numericNameLess);
+  std::ranges::sort(files, numericNameLess);
   return files;
 }
 
@@ -162,15 +162,15 @@ class ExrSlices final : public VolumeSource {
     const ExrFile first(files_.front());
     std::vector<std::string> all;
     const auto channel = first.findChannel(options.grid, all);
-    std::string list;
-    for (const std::string& name : all) list += (list.empty() ? "" : ", ") + quotedText(name, 40);
+    ListText list(", ", SIZE_MAX);
+    for (const std::string& name : all) list.add(quotedText(name, 40));
     if (!channel)
       throw unusable(files_.front(), "it has no channel ", quotedText(options.grid, 40),
-                     "; it has ", all.empty() ? "none" : list);
+                     "; it has ", all.empty() ? "none" : list.text());
     channel_ = *channel;
     if (all.size() > 1 && options.grid.empty())
-      info_.notes.push_back("of the channels " + list + ", " + quotedText(channel_.name, 40) +
-                            " was taken");
+      info_.notes.push_back("of the channels " + list.text() + ", " +
+                            quotedText(channel_.name, 40) + " was taken");
     if (!options.grid.empty())
       info_.encoding +=
           (info_.encoding.empty() ? "" : "; ") + ("channel " + quotedText(options.grid, 40));
@@ -193,16 +193,17 @@ class ExrSlices final : public VolumeSource {
   }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    visitNumberType(info_.voxel_type, [&](auto tag) {
-      using T = typename decltype(tag)::Type;
-      auto* to = static_cast<T*>(out);
-      for (std::int64_t row = first; row < first + count; ++row, to += info_.voxels.x) {
-        const std::int64_t z = row / info_.voxels.y, y = row % info_.voxels.y;
-        if (z != slice_) load(z);
-        const std::uint32_t* const from = pixels_.data() + y * info_.voxels.x;
-        for (std::int64_t x = 0; x < info_.voxels.x; ++x) to[x] = voxelOf<T>(from[x]);
-      }
-    });
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t z, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         if (z != slice_) load(z);
+                         const std::uint32_t* const from = pixels_.data() + y * info_.voxels.x;
+                         visitNumberType(info_.voxel_type, [&](auto tag) {
+                           using T = typename decltype(tag)::Type;
+                           std::transform(from, from + rows * info_.voxels.x,
+                                          reinterpret_cast<T*>(to),
+                                          [&](std::uint32_t bits) { return voxelOf<T>(bits); });
+                         });
+                       });
   }
 
  private:

@@ -117,11 +117,11 @@ std::vector<std::string> vdbGridNames(const std::string& path, const OpenOptions
 
 // Opens a dataset of an HDF5 file, "file.h5:/path" (../hdf5_name.h); without a path, the only one
 // of three axes or more, or the finest level of a file of Imaris or BigDataViewer, whose .xml may
-// be named, too (hdf5_choice.h). Axes are x, y and z by the names that the file has for them, or
+// be named, too (hdf5_dataset.h). Axes are x, y and z by the names that the file has for them, or
 // else the last three, slowest first; one or two others take an index of options.time and
-// options.channel (hdf5_axes.h). Integers and floats of either byte order, in one piece or in
+// options.channel (hdf5_dataset.h). Integers and floats of either byte order, in one piece or in
 // chunks packed with filters that the library, its plugins or isobrick have; the others are named
-// (hdf5_needs.cpp). hdf5_axes.h has what counts as their place; otherwise the spacing is 1.
+// (hdf5_needs.cpp). hdf5_dataset.h has what counts as their place; otherwise the spacing is 1.
 //
 // Boxes are read, by one thread at a time: the library is not made for more. It keeps chunks of up
 // to options.memory_bytes. The file may be hostile: the library's results are checked before

@@ -1,15 +1,12 @@
-#include "isobrick/preprocess/sources/hdf5_axes.h"
-
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string_view>
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -90,15 +87,15 @@ class AxisFinder {
   }
 
   bool isOfSpace(std::size_t i) const {
-    return std::find(axes_.of_space.begin(), axes_.of_space.end(), i) != axes_.of_space.end();
+    return std::ranges::find(axes_.of_space, i) != axes_.of_space.end();
   }
 
   bool findByName() {
     constexpr std::array kRoles = {Role::kX, Role::kY, Role::kZ};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (std::count(roles_.begin(), roles_.end(), kRoles[axis]) != 1) return false;
-      axes_.of_space[axis] = static_cast<std::size_t>(
-          std::find(roles_.begin(), roles_.end(), kRoles[axis]) - roles_.begin());
+      if (std::ranges::count(roles_, kRoles[axis]) != 1) return false;
+      axes_.of_space[axis] =
+          static_cast<std::size_t>(std::ranges::find(roles_, kRoles[axis]) - roles_.begin());
     }
     return true;
   }
@@ -109,12 +106,13 @@ class AxisFinder {
     for (std::size_t i = dims_.size(); i-- > 0;)
       if (roles_[i] != Role::kTime && roles_[i] != Role::kChannel) candidates.push_back(i);
     if (candidates.size() < 3)
-      throw refused("its axes are ", axesText(), ", and a volume has three of space");
+      throw unusableDataset(name_, "its axes are ", axesText(),
+                            ", and a volume has three of space");
     std::stable_partition(candidates.begin(), candidates.end(),
                           [&](std::size_t i) { return dims_[i] != 1; });
     candidates.resize(3);
     std::sort(candidates.rbegin(), candidates.rend());
-    std::copy(candidates.begin(), candidates.end(), axes_.of_space.begin());
+    std::ranges::copy(candidates, axes_.of_space.begin());
   }
 
   void fixOthers() {
@@ -122,8 +120,9 @@ class AxisFinder {
     for (std::size_t i = 0; i < dims_.size(); ++i)
       if (!isOfSpace(i) && dims_[i] != 1) further.push_back(i);
     if (further.size() > 2)
-      throw refused("it has the axes ", axesText(),
-                    ", and beside three of space two are read; write a part of it to a file");
+      throw unusableDataset(
+          name_, "it has the axes ", axesText(),
+          ", and beside three of space two are read; write a part of it to a file");
     if (further.size() == 2) {
       const bool are_turned =
           roles_[further[0]] == Role::kChannel || roles_[further[1]] == Role::kTime;
@@ -161,15 +160,15 @@ class AxisFinder {
     bool has_one = false;
     for (std::size_t i = 0; i < dims_.size(); ++i)
       has_one |= !isOfSpace(i) && (roles_[i] == role || roles_[i] == Role::kUnknown);
-    throw refused("it has ", has_one ? "one " : "no ", kind,
-                  has_one ? ", number 0" : " to choose: its axes are " + axesText(),
-                  "; leave the choice of ", kind, " ", *wanted, " out");
+    throw unusableDataset(name_, "it has ", has_one ? "one " : "no ", kind,
+                          has_one ? ", number 0" : " to choose: its axes are " + axesText(),
+                          "; leave the choice of ", kind, " ", *wanted, " out");
   }
 
   // "z 10, y 20, x 24", or without names "10 x 20 x 24".
   std::string axesText() const {
-    const bool have_names = std::all_of(names_.begin(), names_.end(),
-                                        [](const std::string& name) { return !name.empty(); });
+    const bool have_names =
+        std::ranges::all_of(names_, [](const std::string& name) { return !name.empty(); });
     std::string text;
     for (std::size_t i = 0; i < dims_.size(); ++i)
       text += concat(i == 0       ? ""
@@ -180,10 +179,6 @@ class AxisFinder {
   }
 
   ErrorPlace place() const { return {.path = splitHdf5Name(name_).first}; }
-  template <typename... Parts>
-  Error refused(const Parts&... why) const {
-    return fileError(place().path, "cannot use '", name_, "': ", why...);
-  }
 
   const std::string& name_;
   const std::vector<hsize_t>& dims_;
@@ -229,12 +224,11 @@ std::optional<glm::dvec3> elementSize(hid_t dataset, const Hdf5Axes& axes) {
   const bool has_all = sizes.size() == axes.fixed.size();
   if (!has_all && sizes.size() != 3 && sizes.size() != 5) return std::nullopt;
   std::array<std::size_t, 3> order = axes.of_space;
-  std::sort(order.begin(), order.end());
+  std::ranges::sort(order);
   glm::dvec3 size;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::size_t among =
-        static_cast<std::size_t>(std::find(order.begin(), order.end(), axes.of_space[axis]) -
-                                 order.begin()) +
+        static_cast<std::size_t>(std::ranges::find(order, axes.of_space[axis]) - order.begin()) +
         (sizes.size() == 5 ? 1 : 0);
     size[static_cast<int>(axis)] = sizes[has_all ? axes.of_space[axis] : among];
   }
@@ -259,10 +253,9 @@ bool takeScales(const Hdf5Axes& axes, const std::vector<Hdf5Scale>& scales, Volu
           std::max(furthest, std::abs(scale.values[i] - (first + step * static_cast<double>(i))));
     constexpr double kMostVoxels = 0.01;
     if (!(furthest <= kMostVoxels * std::abs(step)))
-      throw fileError(splitHdf5Name(info.source).first, "cannot use '", info.source,
-                      "': the steps of its axis ", quotedText(scale.name, 40),
-                      " are uneven, up to ", furthest / std::abs(step),
-                      " voxels off; give it a spacing, or resample it to even steps");
+      throw unusableDataset(info.source, "the steps of its axis ", quotedText(scale.name, 40),
+                            " are uneven, up to ", furthest / std::abs(step),
+                            " voxels off; give it a spacing, or resample it to even steps");
     geometry.spacing[a] = step;
     geometry.origin[a] = first;
     units[axis] = scale.units;

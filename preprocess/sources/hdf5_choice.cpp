@@ -1,26 +1,19 @@
-#include "isobrick/preprocess/sources/hdf5_choice.h"
-
 #include <expat.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <glm/mat4x4.hpp>
-#include <map>
 #include <memory>
 #include <new>
-#include <optional>
 #include <sstream>
-#include <string>
 #include <string_view>
-#include <vector>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/hdf5_objects.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -254,15 +247,9 @@ NumberedLinks::value_type pick(const std::string& name, const char* kind,
   if (!wanted && links.size() == 1) return *links.begin();
   if (wanted)
     if (const auto found = links.find(*wanted); found != links.end()) return *found;
-  constexpr std::size_t kMostListed = 12;
-  std::string list;
-  std::size_t listed = 0;
-  for (const auto& [number, link] : links) {
-    if (listed++ == kMostListed) break;
-    list += concat(list.empty() ? "" : ", ", number);
-  }
-  if (links.size() > kMostListed) list += ", ...";
-  throw fileError(splitHdf5Name(name).first, "'", name, "' has the ", kind, "s ", list,
+  ListText list;
+  for (const auto& [number, link] : links) list.add(number);
+  throw fileError(splitHdf5Name(name).first, "'", name, "' has the ", kind, "s ", list.text(),
                   wanted ? ", and not " + std::to_string(*wanted) : "; one is a volume", remedy);
 }
 
@@ -399,8 +386,8 @@ void placeImaris(hid_t file, const std::string& name, Hdf5Choice& choice) {
   if (!size) return;
   for (int axis = 0; axis < 3; ++axis)
     if (!((*size)[axis] >= 1 && (*size)[axis] <= static_cast<double>(kMaxVoxelsPerAxis)))
-      throw fileError(splitHdf5Name(name).first, "cannot use '", name, "': its size ",
-                      pointText(*size), " is none; correct the attributes of the channel");
+      throw unusableDataset(name, "its size ", pointText(*size),
+                            " is none; correct the attributes of the channel");
   choice.voxels = Index3(*size);
   const auto low = threeNumbers(image.id(), {"ExtMin0", "ExtMin1", "ExtMin2"});
   const auto high = threeNumbers(image.id(), {"ExtMax0", "ExtMax1", "ExtMax2"});

@@ -1,21 +1,16 @@
-#include "isobrick/preprocess/sources/hdf5_needs.h"
-
-#include <lz4.h>
 #include <lzf.h>
 #include <zstd.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <span>
-#include <string>
 
-#include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/unpack_block.h"
 
 namespace isobrick {
 namespace {
@@ -175,13 +170,10 @@ class BitshuffleChunk {
     const Byte* const packed = take(packed_bytes);
     if (packed == nullptr) return nullptr;
     const bool is_zstd = format_.packing == BitshuffleFormat::kZstd;
-    const bool is_whole =
-        is_zstd
-            ? ZSTD_decompress(unpacked, bytes, packed, packed_bytes) == bytes
-            : LZ4_decompress_safe(reinterpret_cast<const char*>(packed),
-                                  reinterpret_cast<char*>(unpacked), static_cast<int>(packed_bytes),
-                                  static_cast<int>(bytes)) == static_cast<int>(bytes);
-    return is_whole ? unpacked : nullptr;
+    const std::string fault = unpackBlock(is_zstd ? BlockCodec::kZstd : BlockCodec::kLz4,
+                                          std::as_bytes(std::span(packed, packed_bytes)),
+                                          std::as_writable_bytes(std::span(unpacked, bytes)));
+    return fault.empty() ? unpacked : nullptr;
   }
 
   BitshuffleFormat format_;
@@ -207,7 +199,7 @@ constexpr H5Z_class2_t kOwnFilters[] = {
 
 bool isThere(H5Z_filter_t filter) {
   if (H5Zfilter_avail(filter) > 0) return true;
-  return std::any_of(std::begin(kOwnFilters), std::end(kOwnFilters), [&](const H5Z_class2_t& own) {
+  return std::ranges::any_of(kOwnFilters, [&](const H5Z_class2_t& own) {
     return own.id == filter && H5Zregister(&own) >= 0;
   });
 }
@@ -330,7 +322,7 @@ class NeedsFinder {
 
   void addFile(const std::string& file, const std::string& named_by) {
     auto& files = needs_.files;
-    if (std::find(files.begin(), files.end(), file) != files.end()) return;
+    if (std::ranges::find(files, file) != files.end()) return;
     const InputFile check(file, named_by);  // throws the reason why it cannot be opened
     files.push_back(file);
   }

@@ -1,7 +1,6 @@
-#include "isobrick/preprocess/sources/hdf5_objects.h"
-
 #include <algorithm>
 
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 
 namespace isobrick {

@@ -1,18 +1,11 @@
 #include <algorithm>
-#include <array>
-#include <optional>
 #include <tuple>
-#include <vector>
 
-#include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/hdf5_axes.h"
-#include "isobrick/preprocess/sources/hdf5_choice.h"
-#include "isobrick/preprocess/sources/hdf5_needs.h"
-#include "isobrick/preprocess/sources/hdf5_objects.h"
+#include "isobrick/preprocess/sources/hdf5_dataset.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/error.h"
@@ -22,32 +15,12 @@
 namespace isobrick {
 namespace {
 
-// The type of the library's chunks in memory.
+// The type of the library's chunks in memory. Halves become floats.
 hid_t memoryType(StoredType type) {
-  switch (type) {
-    case StoredType::kUint8:
-      return H5T_NATIVE_UINT8;
-    case StoredType::kInt8:
-      return H5T_NATIVE_INT8;
-    case StoredType::kUint16:
-      return H5T_NATIVE_UINT16;
-    case StoredType::kInt16:
-      return H5T_NATIVE_INT16;
-    case StoredType::kUint32:
-      return H5T_NATIVE_UINT32;
-    case StoredType::kInt32:
-      return H5T_NATIVE_INT32;
-    case StoredType::kUint64:
-      return H5T_NATIVE_UINT64;
-    case StoredType::kInt64:
-      return H5T_NATIVE_INT64;
-    case StoredType::kFloat16:
-    case StoredType::kFloat32:
-      return H5T_NATIVE_FLOAT;
-    case StoredType::kFloat64:
-      return H5T_NATIVE_DOUBLE;
-  }
-  return H5T_NATIVE_FLOAT;
+  return std::array{
+      H5T_NATIVE_UINT8,  H5T_NATIVE_INT8,  H5T_NATIVE_UINT16, H5T_NATIVE_INT16,
+      H5T_NATIVE_UINT32, H5T_NATIVE_INT32, H5T_NATIVE_UINT64, H5T_NATIVE_INT64,
+      H5T_NATIVE_FLOAT,  H5T_NATIVE_FLOAT, H5T_NATIVE_DOUBLE}[static_cast<std::size_t>(type)];
 }
 
 std::optional<StoredType> storedTypeOf(hid_t type) {
@@ -152,17 +125,12 @@ class Hdf5Source final : public VolumeSource {
     layout_ = H5Pget_layout(creation_.id());
   }
 
-  template <typename... Parts>
-  Error refused(const Parts&... why) const {
-    return fileError(path_, "cannot use '", info_.source, "': ", why...);
-  }
-
   void takeShape() {
     const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
     const int axes = space.isValid() ? H5Sget_simple_extent_ndims(space.id()) : -1;
     if (axes < 3 || axes > kMostHdf5Axes)
-      throw refused("its dataset has ", axes,
-                    " axes, and a volume has three; name another dataset");
+      throw unusableDataset(info_.source, "its dataset has ", axes,
+                            " axes, and a volume has three; name another dataset");
     dims_.resize(static_cast<std::size_t>(axes));
     most_dims_.resize(dims_.size());
     H5Sget_simple_extent_dims(space.id(), dims_.data(), most_dims_.data());
@@ -183,16 +151,18 @@ class Hdf5Source final : public VolumeSource {
   // The rest of the dataset fills its chunks.
   void takeVoxelsOf(const Index3& voxels) {
     if (glm::any(glm::greaterThan(voxels, info_.voxels)))
-      throw refused("it says that it has ", indexText(voxels, " x "),
-                    " voxels, and its dataset has ", indexText(info_.voxels, " x "),
-                    "; get the whole file");
+      throw unusableDataset(info_.source, "it says that it has ", indexText(voxels, " x "),
+                            " voxels, and its dataset has ", indexText(info_.voxels, " x "),
+                            "; get the whole file");
     info_.voxels = voxels;
   }
 
   void takeType() {
     const auto stored = type_.isValid() ? storedTypeOf(type_.id()) : std::nullopt;
     if (!stored)
-      throw refused("its voxels are no integers or floats of up to 8 bytes; convert them first");
+      throw unusableDataset(
+          info_.source,
+          "its voxels are no integers or floats of up to 8 bytes; convert them first");
     const auto slope = Hdf5Attribute(dataset_.id(), "scale_factor").numbers(1);
     const auto intercept = Hdf5Attribute(dataset_.id(), "add_offset").numbers(1);
     StoredVoxels voxels;
@@ -227,7 +197,8 @@ class Hdf5Source final : public VolumeSource {
     for (std::size_t i = 0; i < dims_.size(); ++i) {
       if (__builtin_mul_overflow(chunk_bytes_, chunk_voxels_[i], &chunk_bytes_) ||
           chunk_bytes_ > kMostChunkBytes)
-        throw refused(
+        throw unusableDataset(
+            info_.source,
             "its chunks have more than 1 GiB; repack it with smaller ones (h5repack -l "
             "CHUNK=64x64x64)");
       // The library makes no chunk that is longer than a dataset of a fixed size, and reads past

@@ -15,7 +15,6 @@
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
-#include "isobrick/preprocess/sources/announced_boxes.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
@@ -168,10 +167,7 @@ class VolumeBricks final : public SourceBricks {
  public:
   VolumeBricks(std::unique_ptr<VolumeSource> source, const BrickLayout& layout,
                const NotFinite& not_finite)
-      : source_(std::move(source)),
-        announced_(dynamic_cast<const AnnouncedBoxes*>(source_.get())),
-        layout_(layout),
-        not_finite_(not_finite) {}
+      : source_(std::move(source)), layout_(layout), not_finite_(not_finite) {}
 
   const std::string& path() const override { return source_->info().source; }
   std::uint64_t heldBytes() const override { return source_->bufferBytes(); }
@@ -183,15 +179,13 @@ class VolumeBricks final : public SourceBricks {
       makeFinite(reinterpret_cast<float*>(out), box, {}, not_finite_, source_->info(), counts);
   }
   void announce(std::span<const Index3> bricks) const override {
-    if (announced_ == nullptr) return;
     std::vector<IndexBox> boxes;
     for (const Index3& brick : bricks) boxes.push_back(layout_.brickSampleBox(0, brick));
-    announced_->announceBoxes(boxes);
+    source_->announce(boxes);
   }
 
  private:
   const std::unique_ptr<VolumeSource> source_;
-  const AnnouncedBoxes* const announced_;  // the same; null: nothing is gained by it
   const BrickLayout layout_;
   const NotFinite not_finite_;
 };

@@ -15,10 +15,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_source.h"
-#include "isobrick/preprocess/sources/dicom_stack.h"
-#include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -166,15 +163,11 @@ class DicomSource final : public VolumeSource {
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const Index3& voxels = info_.voxels;
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t row = first; row < first + count;) {
-      const std::int64_t k = row / voxels.y, y = row % voxels.y;
-      const std::int64_t rows = std::min(voxels.y - y, first + count - row);
-      const auto pixels = static_cast<std::size_t>(rows * voxels.x);
-      convert(k, readPixels(k, y, pixels), pixels, to);
-      to += pixels * voxelBytes(info_.voxel_type);
-      row += rows;
-    }
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t k, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         const auto pixels = static_cast<std::size_t>(rows * voxels.x);
+                         convert(k, readPixels(k, y, pixels), pixels, to);
+                       });
     if (first + count == voxels.y * voxels.z) unpacked_.reset();
   }
 
@@ -352,7 +345,7 @@ std::vector<DicomSeries> listSeries(const std::vector<SeriesFile>& files) {
   }
   std::vector<DicomSeries> all;
   for (auto& [uid, series] : by_uid) all.push_back(std::move(series));
-  std::stable_sort(all.begin(), all.end(), [](const DicomSeries& a, const DicomSeries& b) {
+  std::ranges::stable_sort(all, [](const DicomSeries& a, const DicomSeries& b) {
     return std::atoll(a.number.c_str()) < std::atoll(b.number.c_str());
   });
   return all;
@@ -364,12 +357,10 @@ void chooseSeries(const std::string& folder, const std::string& name,
   const std::vector<DicomSeries> all = listSeries(files);
   if (all.size() == 1 && name.empty()) return;
   std::vector<std::string> chosen;
-  std::string list;
-  constexpr std::size_t kMostListed = 20;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (!name.empty() && all[i].isCalled(name)) chosen.push_back(all[i].uid);
-    if (i < kMostListed) list += (i > 0 ? "; " : "") + all[i].text();
-    if (i == kMostListed) list += "; ...";
+  ListText list("; ", 20);
+  for (const DicomSeries& series : all) {
+    if (!name.empty() && series.isCalled(name)) chosen.push_back(series.uid);
+    list.add(series.text());
   }
   if (chosen.size() != 1) {
     const std::string what = name.empty() ? ""
@@ -377,7 +368,7 @@ void chooseSeries(const std::string& folder, const std::string& name,
                                  ? "no series " + quotedText(name, 70) + " among "
                                  : "several series " + quotedText(name, 70) + " among ";
     throw fileError(folder, "cannot use the folder '", folder, "': it holds ", what, all.size(),
-                    " DICOM series: ", list, Remedy::kChooseSeries);
+                    " DICOM series: ", list.text(), Remedy::kChooseSeries);
   }
   std::erase_if(files, [&](const SeriesFile& file) { return file.series_uid != chosen[0]; });
 }
@@ -404,23 +395,6 @@ void requireOneGrid(const std::vector<SeriesFile>& files) {
   }
 }
 
-// The grid of the first file's plane; slices 1 mm, or their thickness, apart.
-GridGeometry planeGeometry(const SeriesFile& first, const OpenOptions& options,
-                           std::vector<std::string>& notes) {
-  GridGeometry geometry;
-  geometry.unit = LengthUnit::kMillimetre;
-  if (const std::vector<double> axes = decimalStrings(first.orientation, 6); !axes.empty()) {
-    geometry.direction[0] = {axes[0], axes[1], axes[2]};
-    geometry.direction[1] = {axes[3], axes[4], axes[5]};
-    geometry.direction[2] = glm::cross(geometry.direction[0], geometry.direction[1]);
-  }
-  if (!first.pixel_spacing.empty())
-    geometry.spacing = {first.pixel_spacing[0], first.pixel_spacing[1], 1};
-  else if (!options.spacing)
-    notes.push_back("the files have no pixel spacing: 1 mm is an assumption");
-  return geometry;
-}
-
 // Sorts the slices of the one volume, those at the time of the options, and takes their places into
 // the geometry.
 void sortSlices(const std::string& folder, std::vector<SeriesFile>& files,
@@ -436,7 +410,7 @@ void sortSlices(const std::string& folder, std::vector<SeriesFile>& files,
     places.push_back(std::move(place));
   }
   const auto unplaced =
-      std::find_if(places.begin(), places.end(), [&](const DicomPlace& p) { return !p.position; });
+      std::ranges::find_if(places, [&](const DicomPlace& p) { return !p.position; });
   if (unplaced != places.end())
     for (const SeriesFile& file : files)
       if (file.instance.empty())
@@ -520,7 +494,8 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder, DicomSc
   info.source = folder;
   info.format = "DICOM series";
   info.notes = std::move(notes);
-  info.geometry = planeGeometry(files.front(), options, info.notes);
+  info.geometry = dicomPlane(files.front().orientation, files.front().pixel_spacing, options,
+                             "the files have", info.notes);
   sortSlices(folder, files, options, info);
   info.voxels = {files.front().file.columns, files.front().file.rows,
                  static_cast<std::int64_t>(files.size())};

@@ -161,18 +161,14 @@ class SliceStackSource final : public VolumeSource {
   const VolumeInfo& info() const override { return info_; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t row = first; row < first + count;) {
-      const std::int64_t k = row / info_.voxels.y, y = row % info_.voxels.y;
-      const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
-      if (k != slice_) loadSlice(k);
-      const std::size_t row_bytes =
-          static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
-      const std::size_t bytes = static_cast<std::size_t>(rows) * row_bytes;
-      std::memcpy(to, pixels_->data() + static_cast<std::size_t>(y) * row_bytes, bytes);
-      to += bytes;
-      row += rows;
-    }
+    const std::size_t row_bytes =
+        static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t k, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         if (k != slice_) loadSlice(k);
+                         std::memcpy(to, pixels_->data() + static_cast<std::size_t>(y) * row_bytes,
+                                     static_cast<std::size_t>(rows) * row_bytes);
+                       });
   }
 
   std::vector<std::string> files() const override { return files_; }
@@ -205,7 +201,7 @@ std::vector<std::string> withExtension(const std::vector<std::string>& files,
   std::vector<std::string> result;
   for (const std::string& file : files)
     if (extensions.contains(lowerExtension(file))) result.push_back(file);
-  std::sort(result.begin(), result.end(), numericNameLess);
+  std::ranges::sort(result, numericNameLess);
   return result;
 }
 
@@ -237,10 +233,8 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
                  static_cast<std::int64_t>(first->GetDimensions(1)), std::ssize(paths)};
   checkVoxelCounts(folder, info.voxels);
   info.geometry.spacing = {first->GetSpacing(0), first->GetSpacing(1), 1};
-  std::vector<std::string> unsaid;  // of a distance that is given
-  std::vector<std::string>& distance_notes = options.spacing ? unsaid : info.notes;
   info.geometry.spacing.z = info.geometry.spacing.x;
-  distance_notes.emplace_back(kNoSliceDistance);
+  if (!options.spacing) info.notes.emplace_back(kNoSliceDistance);
   tidyGeometry(folder, info.geometry, info.voxels, info.notes);
   info.voxel_type = typeOf(*first);
   return std::make_unique<SliceStackSource>(std::move(info), paths, first->GetImageSizeInBytes(),
@@ -288,7 +282,7 @@ std::unique_ptr<VolumeSource> openImageFolder(const std::string& path, const Ope
   });
   DicomScan dicom = scanDicom(files, options);
   // A medium keeps its series in folders below, and a list of them here.
-  const bool is_medium = std::any_of(files.begin(), files.end(), isDicomDirectory);
+  const bool is_medium = std::ranges::any_of(files, isDicomDirectory);
   if (dicom.pictures() == 0 && (is_medium || (tiffs.empty() && images.empty())))
     dicom = scanDicom(filesBelowFolder(path), options);
   std::vector<std::string> notes;
@@ -320,8 +314,7 @@ std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenO
                            options);
   } catch (const Error& error) {
     const std::vector<Remedy>& remedies = error.remedies();
-    if (std::find(remedies.begin(), remedies.end(), Remedy::kChooseComponent) == remedies.end())
-      throw;
+    if (std::ranges::find(remedies, Remedy::kChooseComponent) == remedies.end()) throw;
     throw fileError(error.place().path, "cannot use '", path,
                     "': its slices have several values per voxel, and of slices none can be "
                     "chosen; convert them to grey ones, or to a single file of several pages");

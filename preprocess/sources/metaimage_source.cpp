@@ -70,7 +70,7 @@ class MetaImageReader {
     const auto axes = wholeNumberOf(value("ndims"));
     constexpr std::int64_t kMostAxes = 10;  // of MetaIO
     if (!sizes || sizes->empty() || !axes || *axes > kMostAxes || *axes != std::ssize(*sizes) ||
-        std::any_of(sizes->begin(), sizes->end(), [](std::int64_t size) { return size < 1; }))
+        std::ranges::any_of(*sizes, [](std::int64_t size) { return size < 1; }))
       throw wrong("DimSize", value("dimsize"), "is not as many counts as its NDims says");
     sizes_ = *sizes;
     std::int64_t channels = 1;

@@ -76,13 +76,13 @@ class MrcHeader {
   }
 
   MrcMode mode() const {
-    for (MrcMode mode : kMrcModes) {
-      if (mode.mode != number(12)) continue;
-      if (mode.mode == 0 && hasSignedBytes()) mode.type = StoredType::kInt8;
-      return mode;
-    }
-    throw unusable(path_, "its voxels are of MRC mode ", number(12),
-                   ", which is not read; convert it to mode 2");
+    const auto found = std::ranges::find(kMrcModes, number(12), &MrcMode::mode);
+    if (found == std::end(kMrcModes))
+      throw unusable(path_, "its voxels are of MRC mode ", number(12),
+                     ", which is not read; convert it to mode 2");
+    MrcMode mode = *found;
+    if (mode.mode == 0 && hasSignedBytes()) mode.type = StoredType::kInt8;
+    return mode;
   }
 
   // Volumes one behind the other: space group 401, or with the symmetry of another.
@@ -98,8 +98,7 @@ class MrcHeader {
 
  private:
   static bool isMode(std::int32_t number) {
-    return std::any_of(std::begin(kMrcModes), std::end(kMrcModes),
-                       [&](const MrcMode& mode) { return mode.mode == number; });
+    return std::ranges::count(kMrcModes, number, &MrcMode::mode) > 0;
   }
   static bool isCount(std::int32_t count) { return count > 0 && count <= kMaxVoxelsPerAxis; }
 
@@ -168,9 +167,8 @@ bool isMrcFile(const std::string& path) {
   if (is_packed) name.resize(name.size() - 3);
   constexpr std::string_view kEndings[] = {".mrc", ".mrcs", ".map", ".ccp4",
                                            ".st",  ".ali",  ".rec", ".preali"};
-  const bool is_named =
-      std::any_of(std::begin(kEndings), std::end(kEndings),
-                  [&](std::string_view ending) { return name.ends_with(ending); });
+  const bool is_named = std::ranges::any_of(
+      kEndings, [&](std::string_view ending) { return name.ends_with(ending); });
   if (is_packed && !is_named) return false;
   const MrcHeader header(path);
   return header.hasWord() || (is_named && header.isPlausible());

@@ -160,43 +160,27 @@ NumberFiles numberFiles(const std::string& header_path, const NiftiHeader& heade
   return files;
 }
 
-// Numbers that are one voxel: of colours and complex numbers.
-std::int64_t numbersTogether(int data_type) {
-  if (data_type == NIFTI_TYPE_RGB24) return 3;
-  if (data_type == NIFTI_TYPE_RGBA32) return 4;
-  return data_type == NIFTI_TYPE_COMPLEX64 || data_type == NIFTI_TYPE_COMPLEX128 ? 2 : 1;
-}
+// Colours and complex numbers are several numbers together.
+struct NiftiType {
+  int code;
+  StoredType type;
+  std::int64_t numbers = 1;  // of a voxel
+};
+constexpr NiftiType kNiftiTypes[] = {
+    {NIFTI_TYPE_UINT8, StoredType::kUint8},     {NIFTI_TYPE_RGB24, StoredType::kUint8, 3},
+    {NIFTI_TYPE_RGBA32, StoredType::kUint8, 4}, {NIFTI_TYPE_INT8, StoredType::kInt8},
+    {NIFTI_TYPE_UINT16, StoredType::kUint16},   {NIFTI_TYPE_INT16, StoredType::kInt16},
+    {NIFTI_TYPE_UINT32, StoredType::kUint32},   {NIFTI_TYPE_INT32, StoredType::kInt32},
+    {NIFTI_TYPE_UINT64, StoredType::kUint64},   {NIFTI_TYPE_INT64, StoredType::kInt64},
+    {NIFTI_TYPE_FLOAT32, StoredType::kFloat32}, {NIFTI_TYPE_COMPLEX64, StoredType::kFloat32, 2},
+    {NIFTI_TYPE_FLOAT64, StoredType::kFloat64}, {NIFTI_TYPE_COMPLEX128, StoredType::kFloat64, 2}};
 
-StoredType storedType(const std::string& path, int data_type) {
-  switch (data_type) {
-    case NIFTI_TYPE_UINT8:
-    case NIFTI_TYPE_RGB24:
-    case NIFTI_TYPE_RGBA32:
-      return StoredType::kUint8;
-    case NIFTI_TYPE_INT8:
-      return StoredType::kInt8;
-    case NIFTI_TYPE_UINT16:
-      return StoredType::kUint16;
-    case NIFTI_TYPE_INT16:
-      return StoredType::kInt16;
-    case NIFTI_TYPE_UINT32:
-      return StoredType::kUint32;
-    case NIFTI_TYPE_INT32:
-      return StoredType::kInt32;
-    case NIFTI_TYPE_UINT64:
-      return StoredType::kUint64;
-    case NIFTI_TYPE_INT64:
-      return StoredType::kInt64;
-    case NIFTI_TYPE_FLOAT32:
-    case NIFTI_TYPE_COMPLEX64:
-      return StoredType::kFloat32;
-    case NIFTI_TYPE_FLOAT64:
-    case NIFTI_TYPE_COMPLEX128:
-      return StoredType::kFloat64;
-    default:
-      throw unusable(path, "its voxels are of NIfTI type ", data_type,
-                     ", which is no plain number; convert it first");
-  }
+const NiftiType& niftiType(const std::string& path, int code) {
+  const auto found = std::ranges::find(kNiftiTypes, code, &NiftiType::code);
+  if (found == std::end(kNiftiTypes))
+    throw unusable(path, "its voxels are of NIfTI type ", code,
+                   ", which is no plain number; convert it first");
+  return *found;
 }
 
 // As nibabel: a slope that is 0 or not finite means that nothing is scaled, whatever the intercept;
@@ -331,10 +315,11 @@ std::unique_ptr<VolumeSource> openNiftiSource(const std::string& path, const Ope
   info.format = "NIfTI";
   StoredArray array;
   array.files = numberFiles(header_path, header);
-  array.stored.type = storedType(path, header.data_type);
+  const NiftiType& type = niftiType(path, header.data_type);
+  array.stored.type = type.type;
   array.stored.big_endian = header.big_endian;
   using Use = StoredAxis::Use;
-  array.axes = {{numbersTogether(header.data_type), Use::kValues}};
+  array.axes = {{type.numbers, Use::kValues}};
   for (std::size_t axis = 1; axis <= 7; ++axis) {
     const bool is_there = axis <= static_cast<std::size_t>(header.dim[0]);
     array.axes.push_back({is_there ? header.dim[axis] : 1, axis <= 3   ? Use::kSpace

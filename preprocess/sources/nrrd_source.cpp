@@ -104,7 +104,7 @@ class NrrdReader {
     constexpr std::size_t kMostAxes = 16;  // of the format
     if (!sizes || sizes->empty() || sizes->size() > kMostAxes || !dimension ||
         *dimension != std::ssize(*sizes) ||
-        std::any_of(sizes->begin(), sizes->end(), [](std::int64_t size) { return size < 1; }))
+        std::ranges::any_of(*sizes, [](std::int64_t size) { return size < 1; }))
       throw wrong("sizes", text, "are not as many counts as its dimension says");
     axes_.resize(sizes->size());
     for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].size = (*sizes)[i];
@@ -170,8 +170,8 @@ class NrrdReader {
   // "(1,2,3)", of as many numbers as the space has axes.
   std::optional<std::vector<double>> vectorIn(std::string text) const {
     if (!text.starts_with('(') || !text.ends_with(')')) return std::nullopt;
-    std::replace_if(
-        text.begin(), text.end(), [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
+    std::ranges::replace_if(
+        text, [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
     auto numbers = numbersOf(text);
     if (numbers && std::ssize(*numbers) != space_.axes) return std::nullopt;
     return numbers;
@@ -183,8 +183,8 @@ class NrrdReader {
 
   // Which are of space: those with a direction, or of that kind, or the first three.
   void nameAxes() {
-    const bool has_kinds = std::any_of(axes_.begin(), axes_.end(),
-                                       [](const NrrdAxis& axis) { return !axis.kind.empty(); });
+    const bool has_kinds =
+        std::ranges::any_of(axes_, [](const NrrdAxis& axis) { return !axis.kind.empty(); });
     int of_space = 0;
     for (NrrdAxis& axis : axes_) {
       const bool may_be = has_directions_ ? axis.direction && !axis.is_along_time

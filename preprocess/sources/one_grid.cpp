@@ -14,7 +14,8 @@
 namespace isobrick {
 namespace {
 
-// As headers spell them, in small letters and without the s of many; in millimetres.
+// As headers spell them, in small letters, without the s of many and with -er for -re; in
+// millimetres.
 struct LengthName {
   std::string_view name;
   LengthScale scale;
@@ -22,27 +23,22 @@ struct LengthName {
 constexpr LengthScale kPicometre{1, 1e9}, kNanometre{1, 1e6}, kMicrometre{1, 1e3}, kMillimetre,
     kCentimetre{10, 1}, kMetre{1e3, 1}, kAngstrom{1, 1e7}, kInch{25.4, 1};
 constexpr LengthName kLengths[] = {
-    {"picometre", kPicometre},  // of grids that isobrick wrote as .vdb
+    {"picometer", kPicometre},  // of grids that isobrick wrote as .vdb
     {"nm", kNanometre},
     {"nanometer", kNanometre},
-    {"nanometre", kNanometre},
     {"um", kMicrometre},
     {"\xC2\xB5m", kMicrometre},  // the sign for micro
     {"\xCE\xBCm", kMicrometre},  // the Greek letter
     {"\xB5m", kMicrometre},      // Latin-1
     {"\\u00b5m", kMicrometre},   // of ImageJ
     {"micrometer", kMicrometre},
-    {"micrometre", kMicrometre},
     {"micron", kMicrometre},
     {"mm", kMillimetre},
     {"millimeter", kMillimetre},
-    {"millimetre", kMillimetre},
     {"cm", kCentimetre},
     {"centimeter", kCentimetre},
-    {"centimetre", kCentimetre},
     {"m", kMetre},
     {"meter", kMetre},
-    {"metre", kMetre},
     {"angstrom", kAngstrom},
     {"\xC3\x85", kAngstrom},      // the letter
     {"\xE2\x84\xAB", kAngstrom},  // the sign
@@ -67,6 +63,7 @@ std::optional<LengthScale> lengthScale(const std::string& unit) {
   const std::string symbol = trimmedUnit(unit);
   std::string name = lowercase(symbol);
   if (name.size() > 2 && name.back() == 's') name.pop_back();
+  if (name.ends_with("metre")) name.replace(name.size() - 2, 2, "er");
   // A symbol in other letters is another one: Mm are megametres.
   constexpr std::size_t kLongestSymbol = 2;
   for (const LengthName& length : kLengths)

@@ -126,12 +126,9 @@ std::vector<std::string> gridNames(const std::string& path, const OpenOptions& o
 
 std::vector<ReadableFormat> readableFormats() {
   static const std::string raw_endings = [] {
-    std::string endings;
-    for (const std::string_view ending : kRawEndings) {
-      if (!endings.empty()) endings += ' ';
-      endings += ending;
-    }
-    return endings;
+    ListText endings(" ");
+    for (const std::string_view ending : kRawEndings) endings.add(ending);
+    return endings.text();
   }();
   std::vector<ReadableFormat> formats;
   for (const Reader& reader : kReaders) formats.push_back(reader.format);
@@ -157,7 +154,7 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   const std::string ending = lowerExtension(path);
   if ((ending == ".isb" || isFolder(path)) && !options.pyramid_level)
     throw fileError(path, "'", path, "' is a pyramid already; give the volume that it was made of");
-  if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
+  if (std::ranges::find(kRawEndings, ending) != kRawEndings.end())
     throw fileError(path, "'", path, "' has no header; say how its voxels lie",
                     Remedy::kDescribeRawFile);
 }

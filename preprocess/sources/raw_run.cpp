@@ -88,9 +88,9 @@ StoredType storedType(const std::string& path, const std::string& name) {
   for (const StoredType type : kRawTypes)
     if (name == infoOf(type).name || name == infoOf(type).short_name || name == infoOf(type).c_name)
       return type;
-  std::string names;
-  for (const std::string& known : rawTypeNames()) names += (names.empty() ? "" : ", ") + known;
-  throw unreadable(path, "unknown voxel type '", name, "'; choose one of ", names);
+  ListText names;
+  for (const std::string& known : rawTypeNames()) names.add(known);
+  throw unreadable(path, "unknown voxel type '", name, "'; choose one of ", names.text());
 }
 
 // Reads every row or box straight from the file.

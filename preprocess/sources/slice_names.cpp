@@ -79,7 +79,6 @@ struct NumberPlace {
   }
   bool isChannel() const { return isOf({"c", "ch", "chan", "channel", "w", "wavelength"}); }
   bool isTime() const { return isOf({"t", "tp", "time", "timepoint", "frame"}); }
-  bool isSlice() const { return isOf({"z", "s", "sl", "slice", "plane", "section"}); }
 };
 
 // "ch" of "rec_ch", which is in front of a number.
@@ -211,14 +210,11 @@ void refuseGaps(const std::vector<NumberedSlice>& slices, std::size_t at, const 
   };
   std::int64_t least = INT64_MAX;
   for (std::size_t i = 1; i < slices.size(); ++i) least = std::min(least, step(i));
-  std::string list;
-  std::size_t gaps = 0;
+  ListText gaps(", ", 5);
   for (std::size_t i = 1; i < slices.size(); ++i)
-    if (step(i) != least && ++gaps <= 5)
-      list += (gaps > 1 ? ", " : "") + fileName(slices[i - 1].path) + " and " +
-              fileName(slices[i].path);
-  if (gaps > 0)
-    throw unusable(info.source, "slices are missing between ", list, gaps > 5 ? ", ..." : "",
+    if (step(i) != least) gaps.add(fileName(slices[i - 1].path), " and ", fileName(slices[i].path));
+  if (!gaps.text().empty())
+    throw unusable(info.source, "slices are missing between ", gaps.text(),
                    ", by the numbers in their names; add them, or number what is there anew");
 }
 
@@ -236,7 +232,7 @@ std::vector<std::string> filesInFolder(const std::string& folder) {
   if (failure)
     throw fileError(folder, "cannot read the folder '", folder, "': ", failure.message(),
                     "; check its permissions");
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   return files;
 }
 
@@ -250,7 +246,7 @@ std::vector<std::string> filesBelowFolder(const std::string& folder) {
         folders.push_back(member.path().string());
       return true;
     });
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   return files;
 }
 

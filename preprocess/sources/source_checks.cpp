@@ -1,6 +1,5 @@
 #include "isobrick/preprocess/sources/source_checks.h"
 
-#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
@@ -16,11 +15,9 @@ std::string quotedText(const std::string& text, std::size_t most_characters) {
 }
 
 std::string quotedList(const std::vector<std::string>& names) {
-  constexpr std::size_t kMostNames = 12;
-  std::string list;
-  for (std::size_t i = 0; i < names.size() && i <= kMostNames; ++i)
-    list += (i > 0 ? ", " : "") + (i == kMostNames ? "..." : quotedText(names[i], 100));
-  return list;
+  ListText list;
+  for (const std::string& name : names) list.add(quotedText(name, 100));
+  return list.text();
 }
 
 std::int64_t takeOne(const std::string& path, const std::string& kind,

@@ -405,7 +405,7 @@ std::unique_ptr<VolumeSource> openStoredArray(VolumeInfo info, const StoredArray
   if (!choice.value_axis) return openChosen(info, array, stored, choice.indices, options.cancel);
   // Values that lie together are a matter of decoding, others are volumes of their own.
   const auto is_space = [](const StoredAxis& axis) { return axis.use == Use::kSpace; };
-  const auto x_axis = std::find_if(array.axes.begin(), array.axes.end(), is_space);
+  const auto x_axis = std::ranges::find_if(array.axes, is_space);
   const VolumeInfo of_one = info;
   StoredVoxels together = stored;
   takeComponent(choice.values, choice.options, together, info);

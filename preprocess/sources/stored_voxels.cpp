@@ -111,38 +111,29 @@ void StoredVoxels::decodeInPlace(void* data, std::size_t count) const {
 }
 
 void StoredVoxels::decode(std::byte* stored, std::size_t count, void* out) const {
-  if (big_endian) swapElements(stored, count, bytes());
+  const std::size_t number_bytes = storedBytes(type);
+  if (components > 1 && !magnitude) {
+    for (std::size_t i = 0; i < count; ++i)
+      std::memmove(stored + i * number_bytes, stored + (i * components + component) * number_bytes,
+                   number_bytes);
+    StoredVoxels one = *this;
+    one.components = 1;
+    if (!one.keepsType()) return one.decode(stored, count, out);
+    one.decodeInPlace(stored, count);
+    std::memcpy(out, stored, count * number_bytes);
+    return;
+  }
+  if (big_endian) swapElements(stored, count * components, number_bytes);
   const Map to = map.value_or(Map{1, -0.0});  // 0 would lose the sign of -0
   visitStoredType(type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
-    if (delivered() == VoxelType::kFloat64)
+    if (magnitude)
+      findMagnitudes<T>(stored, count, components, static_cast<float*>(out));
+    else if (delivered() == VoxelType::kFloat64)
       mapNumbers<T>(to, stored, count, static_cast<double*>(out));
     else
       mapNumbers<T>(to, stored, count, static_cast<float*>(out));
   });
-}
-
-void StoredVoxels::decodeComponents(std::byte* stored, std::size_t count, void* out) const {
-  const std::size_t number_bytes = storedBytes(type);
-  if (magnitude) {
-    if (big_endian) swapElements(stored, count * components, number_bytes);
-    visitStoredType(type, [&](auto tag) {
-      findMagnitudes<typename decltype(tag)::Type>(stored, count, components,
-                                                   static_cast<float*>(out));
-    });
-    return;
-  }
-  for (std::size_t i = 0; i < count; ++i)
-    std::memmove(stored + i * number_bytes, stored + (i * components + component) * number_bytes,
-                 number_bytes);
-  StoredVoxels one = *this;
-  one.components = 1;
-  if (one.keepsType()) {
-    one.decodeInPlace(stored, count);
-    std::memcpy(out, stored, count * number_bytes);
-  } else {
-    one.decode(stored, count, out);
-  }
 }
 
 namespace {
@@ -160,7 +151,7 @@ class MagnitudeSource final : public VolumeSource {
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     auto* to = static_cast<float*>(out);
     for (std::int64_t row = first; row < first + count; ++row) {
-      std::fill(squares_.begin(), squares_.end(), 0.0);
+      std::ranges::fill(squares_, 0.0);
       for (const auto& component : components_) addRow(*component, row);
       for (const double square : squares_) *to++ = static_cast<float>(std::sqrt(square));
     }

@@ -11,6 +11,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/sources/open_volume.h"
@@ -76,33 +78,19 @@ template <typename T>
 struct StoredTag {
   using Type = T;
 };
+// In the order of StoredType.
+using StoredNumbers =
+    std::tuple<std::uint8_t, std::int8_t, std::uint16_t, std::int16_t, std::uint32_t, std::int32_t,
+               std::uint64_t, std::int64_t, Half, float, double>;
 // Calls f(tag) with the C++ type of the stored numbers.
 template <typename F>
 void visitStoredType(StoredType type, F&& f) {
-  switch (type) {
-    case StoredType::kUint8:
-      return f(StoredTag<std::uint8_t>{});
-    case StoredType::kInt8:
-      return f(StoredTag<std::int8_t>{});
-    case StoredType::kUint16:
-      return f(StoredTag<std::uint16_t>{});
-    case StoredType::kInt16:
-      return f(StoredTag<std::int16_t>{});
-    case StoredType::kUint32:
-      return f(StoredTag<std::uint32_t>{});
-    case StoredType::kInt32:
-      return f(StoredTag<std::int32_t>{});
-    case StoredType::kUint64:
-      return f(StoredTag<std::uint64_t>{});
-    case StoredType::kInt64:
-      return f(StoredTag<std::int64_t>{});
-    case StoredType::kFloat16:
-      return f(StoredTag<Half>{});
-    case StoredType::kFloat32:
-      return f(StoredTag<float>{});
-    case StoredType::kFloat64:
-      return f(StoredTag<double>{});
+  [&]<std::size_t... i>(std::index_sequence<i...>) {
+    ((static_cast<std::size_t>(type) == i ? f(StoredTag<std::tuple_element_t<i, StoredNumbers>>{})
+                                          : void()),
+     ...);
   }
+  (std::make_index_sequence<std::tuple_size_v<StoredNumbers>>());
 }
 
 // Numbers in a file, delivered as they are (value_fit.h makes voxels of types that no pyramid has);
@@ -138,10 +126,9 @@ struct StoredVoxels {
 
   // If keepsType(): turns `count` stored numbers at `data` into delivered ones.
   void decodeInPlace(void* data, std::size_t count) const;
-  // Otherwise: `stored`, aligned for its type, is overwritten on the way.
+  // Otherwise, to voxels of the type delivered(): `stored`, aligned for its type, is overwritten on
+  // the way.
   void decode(std::byte* stored, std::size_t count, void* out) const;
-  // For voxels with several numbers: likewise, to voxels of the type delivered().
-  void decodeComponents(std::byte* stored, std::size_t count, void* out) const;
 };
 
 // A voxel fits the buffer below.
@@ -154,17 +141,7 @@ inline constexpr std::size_t kDecodeBufferBytes = std::size_t{32} << 10;
 template <typename Read>
 void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read&& read) {
   auto* to = static_cast<std::byte*>(out);
-  if (stored.components > 1) {
-    alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
-    const std::size_t delivered_bytes = voxelBytes(stored.delivered());
-    while (count > 0) {
-      const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
-      read(buffer.data(), voxels * stored.bytes());
-      stored.decodeComponents(buffer.data(), voxels, to);
-      to += voxels * delivered_bytes;
-      count -= voxels;
-    }
-  } else if (stored.keepsType()) {
+  if (stored.keepsType()) {
     constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
     const std::size_t most = stored.isVerbatim() ? count : kPieceBytes / stored.bytes();
     while (count > 0) {
@@ -174,15 +151,16 @@ void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read
       to += voxels * stored.bytes();
       count -= voxels;
     }
-  } else {
-    alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
-    while (count > 0) {
-      const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
-      read(buffer.data(), voxels * stored.bytes());
-      stored.decode(buffer.data(), voxels, to);
-      to += voxels * voxelBytes(stored.delivered());
-      count -= voxels;
-    }
+    return;
+  }
+  alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
+  const std::size_t delivered_bytes = voxelBytes(stored.delivered());
+  while (count > 0) {
+    const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
+    read(buffer.data(), voxels * stored.bytes());
+    stored.decode(buffer.data(), voxels, to);
+    to += voxels * delivered_bytes;
+    count -= voxels;
   }
 }
 

@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/sources/tiff_images.h"
-
 #include <expat.h>
 
 #include <algorithm>
@@ -24,6 +22,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/tiff_file.h"
 
 namespace isobrick {
 namespace {
@@ -280,9 +279,9 @@ class ImageFinder {
 
   Error contradiction(const std::vector<TiffAxis>& said, std::int64_t pages) const {
     if (!pages_.front().unread.empty()) return unusable(path(), pages_.front().unread);
-    std::string counts;
-    for (const TiffAxis& axis : said) counts += concat(counts.empty() ? "" : " x ", axis.count);
-    return unusable(path(), "its description says ", counts, " planes, and it has ", pages,
+    ListText counts(" x ");
+    for (const TiffAxis& axis : said) counts.add(axis.count);
+    return unusable(path(), "its description says ", counts.text(), " planes, and it has ", pages,
                     "; get the whole file again, or save it anew");
   }
 

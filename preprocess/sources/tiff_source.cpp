@@ -13,7 +13,6 @@
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/sources/tiff_file.h"
-#include "isobrick/preprocess/sources/tiff_images.h"
 #include "isobrick/storage/abandonable.h"
 
 namespace isobrick {
@@ -41,21 +40,18 @@ class TiffSource final : public VolumeSource {
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     if (is_plain_) return VolumeSource::readRows(first, count, out);
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t row = first; row < first + count;) {
-      const std::int64_t z = row / info_.voxels.y, y = row % info_.voxels.y;
-      const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
-      if (z != unpacked_) unpack(z);
-      const std::byte* from =
-          pixels_.data() + static_cast<std::size_t>(y * info_.voxels.x) * stored_.bytes();
-      const auto voxels = static_cast<std::size_t>(rows * info_.voxels.x);
-      decodeVoxels(stored_, voxels, to, [&](std::byte* stored, std::size_t bytes) {
-        std::memcpy(stored, from, bytes);
-        from += bytes;
-      });
-      to += voxels * voxelBytes(info_.voxel_type);
-      row += rows;
-    }
+    forEachSliceOfRows(info_, first, count, out,
+                       [&](std::int64_t z, std::int64_t y, std::int64_t rows, std::byte* to) {
+                         if (z != unpacked_) unpack(z);
+                         const std::byte* from =
+                             pixels_.data() +
+                             static_cast<std::size_t>(y * info_.voxels.x) * stored_.bytes();
+                         decodeVoxels(stored_, static_cast<std::size_t>(rows * info_.voxels.x), to,
+                                      [&](std::byte* stored, std::size_t bytes) {
+                                        std::memcpy(stored, from, bytes);
+                                        from += bytes;
+                                      });
+                       });
   }
 
   bool readsBoxes() const override { return is_plain_; }
@@ -142,12 +138,10 @@ std::string imageText(const TiffImage& image) {
 // The chosen image, or the only one that is a volume.
 const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImage>& images,
                              const OpenOptions& options, VolumeInfo& info) {
-  std::string list;
+  ListText list("; ", 20);
   std::vector<std::size_t> volumes;
   for (std::size_t i = 0; i < images.size(); ++i) {
-    constexpr std::size_t kMostListed = 20;
-    if (i < kMostListed) list += concat(i > 0 ? "; " : "", i, ": ", imageText(images[i]));
-    if (i == kMostListed) list += "; ...";
+    list.add(i, ": ", imageText(images[i]));
     if (sliceAxis(images[i])) volumes.push_back(i);
   }
   if (options.image) volumes = {static_cast<std::size_t>(*options.image)};
@@ -157,10 +151,10 @@ const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImag
                    volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
                    : volumes.empty()   ? "none of its images is a volume"
                                        : "it has several images",
-                   " (", list, ")", Remedy::kChooseImage);
+                   " (", list.text(), ")", Remedy::kChooseImage);
   if (images.size() > 1) {
     info.notes.push_back(
-        concat("of the images ", list, ", number ", volumes.front(), " was taken"));
+        concat("of the images ", list.text(), ", number ", volumes.front(), " was taken"));
     info.encoding = concat("image ", volumes.front());
   }
   return images[volumes.front()];

@@ -262,16 +262,10 @@ class VdbFile : private openvdb::io::Archive {
   }
 
   std::string namesText(const Entry* except) const {
-    constexpr std::size_t kMostListed = 12;
-    std::string text;
-    std::size_t listed = 0;
-    for (const Entry& entry : entries_) {
-      if (&entry == except) continue;
-      if (listed++ == kMostListed) return text + ", ...";
-      text +=
-          (text.empty() ? "" : ", ") + quoted(nameOf(entry)) + " (" + entry.grid->valueType() + ")";
-    }
-    return text;
+    ListText names;
+    for (const Entry& entry : entries_)
+      if (&entry != except) names.add(quoted(nameOf(entry)), " (", entry.grid->valueType(), ")");
+    return names.text();
   }
 
   // "density"; of several with one name, "density[1]" is the second.
@@ -289,11 +283,10 @@ class VdbFile : private openvdb::io::Archive {
   Entry& scalarGrid() {
     if (entries_.empty()) throw cannotUse(path_, "it has no grids");
     if (const std::string& wanted = options_.grid; !wanted.empty()) {
-      auto named = std::find_if(entries_.begin(), entries_.end(),
-                                [&](const Entry& e) { return e.descriptor.gridName() == wanted; });
+      auto named = std::ranges::find_if(
+          entries_, [&](const Entry& e) { return e.descriptor.gridName() == wanted; });
       if (named == entries_.end())
-        named = std::find_if(entries_.begin(), entries_.end(),
-                             [&](const Entry& e) { return nameOf(e) == wanted; });
+        named = std::ranges::find_if(entries_, [&](const Entry& e) { return nameOf(e) == wanted; });
       if (const auto number = numberIn<std::size_t>(wanted);
           named == entries_.end() && number && *number < entries_.size())
         named = entries_.begin() + static_cast<std::ptrdiff_t>(*number);
@@ -305,10 +298,9 @@ class VdbFile : private openvdb::io::Archive {
                       quoted(named->grid->valueType()), ", which is no number");
     }
     const auto isFloat = [](const Entry& e) { return e.grid->isType<openvdb::FloatGrid>(); };
-    auto chosen = std::find_if(entries_.begin(), entries_.end(), isFloat);
+    auto chosen = std::ranges::find_if(entries_, isFloat);
     if (chosen == entries_.end())
-      chosen = std::find_if(entries_.begin(), entries_.end(),
-                            [](const Entry& e) { return isScalar(*e.grid); });
+      chosen = std::ranges::find_if(entries_, [](const Entry& e) { return isScalar(*e.grid); });
     if (chosen != entries_.end()) return *chosen;
     const Entry& first = entries_.front();
     throw cannotUse(

@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -421,8 +420,8 @@ class LegacyReader {
   void takeArray(const std::string& name, std::int64_t components, std::int64_t tuples,
                  const std::string& type_name) {
     const std::string lower = lowercase(type_name);
-    const auto type = std::find_if(std::begin(kLegacyTypes), std::end(kLegacyTypes),
-                                   [&](const LegacyType& known) { return known.name == lower; });
+    const auto type = std::ranges::find_if(
+        kLegacyTypes, [&](const LegacyType& known) { return known.name == lower; });
     if (type == std::end(kLegacyTypes))
       throw error("its array " + quotedText(name, 40) + " is of the type " +
                   quotedText(type_name, 40) + ", which is unknown,");

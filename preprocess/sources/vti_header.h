@@ -1,13 +1,15 @@
-// What the headers of VTK ImageData files say, of XML (.vti, .pvti) and of legacy ones (.vtk).
-// Private to preprocess/sources/.
+// What the headers of VTK ImageData files say, of XML (.vti, .pvti) and of legacy ones (.vtk), and
+// the voxels of an array (vti_voxels.cpp). Private to preprocess/sources/.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 
 namespace isobrick {
 
@@ -59,5 +61,16 @@ VtiHeader readVtiHeader(const InputFile& file);
 // or "bare" for bytes in order of the network from VtiArray::text_at on. Bytes between headers are
 // passed over. Throws Error, naming the byte, for anything but STRUCTURED_POINTS.
 VtiHeader readVtkLegacyHeader(const InputFile& file);
+
+// Whether blocks packed by the compressor of that name can be read, or it is "".
+bool knowsVtiCompressor(const std::string& compressor);
+
+// `info` is that of the source; its voxels are all that the array has, numbers of `stored`.
+// `cancel`, which may be null, outlives the source. Throws Error if the array has another number of
+// bytes.
+std::unique_ptr<VolumeSource> openVtiVoxels(std::shared_ptr<const InputFile> file,
+                                            const VtiHeader& header, const VtiArray& array,
+                                            const StoredVoxels& stored, VolumeInfo info,
+                                            const CancelFlag* cancel);
 
 }  // namespace isobrick

@@ -10,16 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/sources/vti_header.h"
-#include "isobrick/preprocess/sources/vti_voxels.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -44,7 +40,7 @@ class CoverCheck {
         cuts.push_back(part.first[axis]);
         cuts.push_back(part.first[axis] + part.source->info().voxels[axis]);
       }
-      std::sort(cuts.begin(), cuts.end());
+      std::ranges::sort(cuts);
       cuts.erase(std::unique(cuts.begin(), cuts.end()), cuts.end());
       cells_[axis] = static_cast<std::int64_t>(cuts.size()) - 1;
     }
@@ -54,7 +50,7 @@ class CoverCheck {
                      " pieces, which are too many; save it in fewer");
     covered_.resize(static_cast<std::size_t>(elementCount(cells_)));
     for (const VolumePart& part : parts) mark(part.first, part.first + part.source->info().voxels);
-    const auto hole = std::find(covered_.begin(), covered_.end(), false);
+    const auto hole = std::ranges::find(covered_, false);
     if (hole == covered_.end()) return;
     const std::int64_t at = hole - covered_.begin();
     const Index3 cell(at % cells_.x, at / cells_.x % cells_.y, at / cells_.x / cells_.y);
@@ -106,7 +102,7 @@ class AssembledSource final : public VolumeSource {
     std::vector<std::string> files = {info_.source};
     for (const VolumePart& part : parts_)
       for (const std::string& file : part.source->files())
-        if (std::find(files.begin(), files.end(), file) == files.end()) files.push_back(file);
+        if (std::ranges::find(files, file) == files.end()) files.push_back(file);
     return files;
   }
   std::uint64_t bufferBytes() const override {
@@ -186,10 +182,9 @@ class VtiOpener {
     constexpr std::int64_t kMost = std::int64_t{1} << 31;
     Extent extent;
     if (!numbers || numbers->size() != extent.size() ||
-        std::any_of(numbers->begin(), numbers->end(),
-                    [](std::int64_t v) { return v < -kMost || v > kMost; }))
+        std::ranges::any_of(*numbers, [](std::int64_t v) { return v < -kMost || v > kMost; }))
       throw cannotUseVti(path_, "its ", name, " ", inQuotes(text), " is not six whole numbers");
-    std::copy(numbers->begin(), numbers->end(), extent.begin());
+    std::ranges::copy(*numbers, extent.begin());
     return extent;
   }
 
@@ -253,21 +248,17 @@ class VtiOpener {
       if (data.scalars.empty()) return fits(array);
       return array.name == data.scalars && (fits(array) || !wants_several);
     };
-    auto chosen = std::find_if(data.arrays.begin(), data.arrays.end(), isWanted);
+    auto chosen = std::ranges::find_if(data.arrays, isWanted);
     if (chosen == data.arrays.end() && options_.grid.empty())
-      chosen = std::find_if(data.arrays.begin(), data.arrays.end(), fits);
+      chosen = std::ranges::find_if(data.arrays, fits);
     return chosen == data.arrays.end() ? nullptr : &*chosen;
   }
 
   static std::string listOf(const VtiPiece& piece) {
-    constexpr std::size_t kMostListed = 12;
-    std::string text;
-    std::size_t listed = 0;
+    ListText list;
     for (const auto& [data, kind] : {std::pair(&piece.points, "points"), {&piece.cells, "cells"}})
-      for (const VtiArray& array : data->arrays)
-        if (listed++ < kMostListed)
-          text += (text.empty() ? "" : ", ") + inQuotes(array.name) + " of " + kind;
-    return text.empty() ? "none" : text + (listed > kMostListed ? ", ..." : "");
+      for (const VtiArray& array : data->arrays) list.add(inQuotes(array.name), " of ", kind);
+    return list.text().empty() ? "none" : list.text();
   }
 
   void chooseArray() {
@@ -369,7 +360,7 @@ class VtiOpener {
   // The one that was chosen of the first piece.
   void takeArrayOf(const VtiPiece& piece) {
     const auto& arrays = (is_of_cells_ ? piece.cells : piece.points).arrays;
-    const auto found = std::find_if(arrays.begin(), arrays.end(), [&](const VtiArray& array) {
+    const auto found = std::ranges::find_if(arrays, [&](const VtiArray& array) {
       return array.name == array_.name && array.type == array_.type &&
              std::max<std::uint64_t>(array.components, 1) == array_.components;
     });

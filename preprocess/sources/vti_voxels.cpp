@@ -1,35 +1,18 @@
-#include "isobrick/preprocess/sources/vti_voxels.h"
-
-#include <lz4.h>
-#include <lzma.h>
-
 #include <algorithm>
 #include <array>
-#include <cstddef>
-#include <cstdint>
-#include <cstring>
-#include <memory>
 #include <optional>
-#include <string>
-#include <string_view>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/unpack_block.h"
+#include "isobrick/preprocess/sources/vti_header.h"
 
 namespace isobrick {
 namespace {
-
-// Unpacks a block, all of it, into exactly `out_bytes`; false if it has another size or is damaged.
-using UnpackVtiBlock = bool (*)(const std::byte* in, std::size_t in_bytes, std::byte* out,
-                                std::size_t out_bytes);
 
 struct VtiBlockLayout {
   std::uint64_t block_bytes = 0;  // of each, unpacked, but for the last one
@@ -40,48 +23,22 @@ struct VtiBlockLayout {
 
 constexpr std::uint64_t kMostBlockBytes = std::uint64_t{1} << 30;
 
-bool unpackLz4(const std::byte* in, std::size_t in_bytes, std::byte* out, std::size_t out_bytes) {
-  return LZ4_decompress_safe(reinterpret_cast<const char*>(in), reinterpret_cast<char*>(out),
-                             static_cast<int>(in_bytes),
-                             static_cast<int>(out_bytes)) == static_cast<int>(out_bytes);
-}
-
-bool unpackLzma(const std::byte* in, std::size_t in_bytes, std::byte* out, std::size_t out_bytes) {
-  std::uint64_t memory_bytes = std::uint64_t{1} << 28;  // its dictionary takes 64 MiB at most
-  std::size_t taken = 0, made = 0;
-  return lzma_stream_buffer_decode(
-             &memory_bytes, 0, nullptr, reinterpret_cast<const std::uint8_t*>(in), &taken, in_bytes,
-             reinterpret_cast<std::uint8_t*>(out), &made, out_bytes) == LZMA_OK &&
-         made == out_bytes;
-}
-
 // Unpacks one block after the other. `sizes` has the packed size of each, `packed` the blocks.
 // Holds a block, packed and unpacked. Throws Error, naming `path`, if a block is damaged, cut
 // short, or larger than 1 GiB.
-class VtiBlocksStream final : public ByteStream {
+class VtiBlocksStream final : public PieceStream {
  public:
   VtiBlocksStream(const std::string& path, std::unique_ptr<ByteStream> sizes,
                   std::unique_ptr<ByteStream> packed, const VtiBlockLayout& layout,
-                  UnpackVtiBlock unpack)
+                  BlockCodec codec)
       : path_(path),
         sizes_(std::move(sizes)),
         packed_(std::move(packed)),
         layout_(layout),
-        unpack_(unpack) {
+        codec_(codec) {
     if (std::min(layout_.block_bytes, layout_.total_bytes) > kMostBlockBytes)
       throw unusable(path_,
                      "its compressed blocks have more than 1 GiB; save it again with smaller ones");
-  }
-
-  std::size_t read(void* out, std::size_t bytes) override {
-    std::size_t got = 0;
-    while (got < bytes && (next_ < block_.size() || loadBlock())) {
-      const std::size_t part = std::min(bytes - got, block_.size() - next_);
-      std::memcpy(static_cast<std::byte*>(out) + got, block_.data() + next_, part);
-      next_ += part;
-      got += part;
-    }
-    return got;
   }
 
   std::uint64_t bufferBytes() const override {
@@ -90,22 +47,20 @@ class VtiBlocksStream final : public ByteStream {
   }
 
  private:
-  // False behind the last one.
-  bool loadBlock() {
-    content_bytes_ += block_.size();
+  bool refill() override {
+    content_bytes_ += piece_.size();
     if (content_bytes_ == layout_.total_bytes) return false;
-    block_.resize(static_cast<std::size_t>(
+    piece_.resize(static_cast<std::size_t>(
         std::min(layout_.block_bytes, layout_.total_bytes - content_bytes_)));
-    next_ = 0;
     std::array<std::byte, 8> word{};
     if (sizes_->read(word.data(), layout_.word_bytes) != layout_.word_bytes)
       throw failed("cut short");
     const std::uint64_t bytes = loadUnsigned(word.data(), layout_.word_bytes, layout_.big_endian);
     // None is much longer than what it holds.
-    if (bytes > 2 * kMostBlockBytes || bytes / 2 > block_.size() + 1024) throw failed("damaged");
+    if (bytes > 2 * kMostBlockBytes || bytes / 2 > piece_.size() + 1024) throw failed("damaged");
     in_.resize(static_cast<std::size_t>(bytes));
     if (packed_->read(in_.data(), in_.size()) != in_.size()) throw failed("cut short");
-    if (!unpack_(in_.data(), in_.size(), block_.data(), block_.size())) throw failed("damaged");
+    if (!unpackBlock(codec_, in_, piece_).empty()) throw failed("damaged");
     return true;
   }
 
@@ -117,21 +72,18 @@ class VtiBlocksStream final : public ByteStream {
   std::string path_;
   std::unique_ptr<ByteStream> sizes_, packed_;
   VtiBlockLayout layout_;
-  UnpackVtiBlock unpack_;
-  std::vector<std::byte> in_, block_;
-  std::size_t next_ = 0;             // in block_
+  BlockCodec codec_;
+  std::vector<std::byte> in_;
   std::uint64_t content_bytes_ = 0;  // of the blocks before
 };
 
-// Of a compressor by its name in the file, "vtkLZ4DataCompressor" or "vtkLZMADataCompressor"; null
-// for others.
-UnpackVtiBlock vtiUnpackerNamed(const std::string& compressor) {
-  if (compressor == "vtkLZ4DataCompressor") return unpackLz4;
-  if (compressor == "vtkLZMADataCompressor") return unpackLzma;
-  return nullptr;
+// Of a compressor by its name in the file; none for others.
+std::optional<BlockCodec> vtiCodecNamed(const std::string& compressor) {
+  if (compressor == "vtkZLibDataCompressor") return BlockCodec::kZlib;
+  if (compressor == "vtkLZ4DataCompressor") return BlockCodec::kLz4;
+  if (compressor == "vtkLZMADataCompressor") return BlockCodec::kLzma;
+  return std::nullopt;
 }
-
-constexpr const char* kZlibCompressor = "vtkZLibDataCompressor";
 
 class VtiVoxels {
  public:
@@ -225,21 +177,15 @@ class VtiVoxels {
     if (blocks == 0 || !fits || have != need_bytes_)
       throw wrongSize(fits ? std::to_string(have)
                            : std::to_string(blocks) + " blocks of " + std::to_string(block_bytes));
-    // The end of one block is the begin of the next; the list of their sizes is not needed. There
-    // are at most as many blocks as bytes in the file: no product overflows.
+    // There are at most as many blocks as bytes in the file: no product overflows.
     if (blocks > file_->size() / wordBytes() ||
         skipBytes(*stream_, blocks * wordBytes()) != blocks * wordBytes())
       throw cannotUseVti(file_->path(), "its list of ", blocks, " blocks is cut short");
-    std::unique_ptr<ByteStream> unpacked;
-    if (header_.compressor == kZlibCompressor)
-      unpacked =
-          makeInflateBlocksStream(file_->path(), std::move(stream_), block_bytes, need_bytes_);
-    else
-      unpacked = std::make_unique<VtiBlocksStream>(
-          file_->path(), std::move(sizes_), std::move(stream_),
-          VtiBlockLayout{block_bytes, need_bytes_, static_cast<std::size_t>(wordBytes()),
-                         stored_.big_endian},
-          vtiUnpackerNamed(header_.compressor));
+    auto unpacked = std::make_unique<VtiBlocksStream>(
+        file_->path(), std::move(sizes_), std::move(stream_),
+        VtiBlockLayout{block_bytes, need_bytes_, static_cast<std::size_t>(wordBytes()),
+                       stored_.big_endian},
+        *vtiCodecNamed(header_.compressor));
     return openStream(std::move(info), stored_, std::move(unpacked), 0, {file_->path()}, {},
                       cancel_);
   }
@@ -266,8 +212,7 @@ class VtiVoxels {
 }  // namespace
 
 bool knowsVtiCompressor(const std::string& compressor) {
-  return compressor.empty() || compressor == kZlibCompressor ||
-         vtiUnpackerNamed(compressor) != nullptr;
+  return compressor.empty() || vtiCodecNamed(compressor).has_value();
 }
 
 std::unique_ptr<VolumeSource> openVtiVoxels(std::shared_ptr<const InputFile> file,

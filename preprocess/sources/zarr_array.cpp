@@ -31,6 +31,11 @@ std::string quotedJson(const Json& json) {
   return quotedText(json.dump(-1, ' ', true, Json::error_handler_t::replace), 60);
 }
 
+template <typename... Parts>
+Error damagedStore(const std::string& path, const Parts&... why) {
+  return unreadable(path, why..., "; get the whole store again");
+}
+
 std::int64_t product(const ZarrArray::Indices& v) {
   std::int64_t result = 1;
   for (const std::int64_t n : v) result *= n;  // checked when they were read
@@ -52,22 +57,21 @@ bool takeChecksum(std::vector<std::byte>& bytes) {
 }
 
 // Those of the specification, and what the numcodecs library adds.
-constexpr std::pair<const char*, ZarrCodec> kCodecs[] = {
-    {"blosc", ZarrCodec::kBlosc}, {"gzip", ZarrCodec::kGzip}, {"zstd", ZarrCodec::kZstd},
-    {"zlib", ZarrCodec::kZlib},   {"lz4", ZarrCodec::kLz4},   {"bz2", ZarrCodec::kBz2},
-    {"lzma", ZarrCodec::kLzma}};
+constexpr std::pair<const char*, BlockCodec> kCodecs[] = {
+    {"blosc", BlockCodec::kBlosc}, {"gzip", BlockCodec::kZlib},    {"zstd", BlockCodec::kZstd},
+    {"zlib", BlockCodec::kZlib},   {"lz4", BlockCodec::kSizedLz4}, {"bz2", BlockCodec::kBz2},
+    {"lzma", BlockCodec::kLzma}};
 
-std::optional<ZarrCodec> codecNamed(const std::string& name) {
+std::optional<BlockCodec> codecNamed(const std::string& name) {
   for (const auto& [known, codec] : kCodecs)
     if (name == known) return codec;
   return std::nullopt;
 }
 
 std::string codecNames() {
-  std::string names;
-  for (const auto& [name, codec] : kCodecs)
-    names += (names.empty() ? "" : ", ") + std::string(name);
-  return names;
+  ListText names;
+  for (const auto& [name, codec] : kCodecs) names.add(name);
+  return names.text();
 }
 
 // In version 3 the codecs of numcodecs have its name in front.
@@ -95,7 +99,7 @@ std::string metadataText(const std::string& path) {
 
 nlohmann::json readZarrJson(const std::string& path) {
   Json json = parseShallowJson(metadataText(path));
-  if (!json.is_object()) throw unreadable(path, "it is no JSON object; get the whole store again");
+  if (!json.is_object()) throw damagedStore(path, "it is no JSON object");
   return json;
 }
 
@@ -196,7 +200,7 @@ void ZarrArray::readVersion2(const Json& json) {
   const std::string order = textOf(member(json, "order"));
   if (order != "C" && order != "F") refuse("its order is neither C nor F");
   Indices axes = allAxes(shape_.size());
-  if (order == "F") std::reverse(axes.begin(), axes.end());
+  if (order == "F") std::ranges::reverse(axes);
   if (chunk_.size() != shape_.size())
     refuse("its shape and its chunks have different numbers of axes");
   setOrder(axes);
@@ -281,10 +285,11 @@ ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs) {
         refuse("its bytes have no order");
       stored_.big_endian = endian == "big" && stored_.bytes() > 1;
     } else if (name == "crc32c" && has_bytes) {
-      ++(pipeline.codec == ZarrCodec::kNone ? pipeline.checksums_before : pipeline.checksums_after);
-    } else if (codecNamed(name) && has_bytes && pipeline.codec == ZarrCodec::kNone) {
+      ++(pipeline.codec == BlockCodec::kNone ? pipeline.checksums_before
+                                             : pipeline.checksums_after);
+    } else if (codecNamed(name) && has_bytes && pipeline.codec == BlockCodec::kNone) {
       pipeline.codec = *codecNamed(name);
-    } else if (pipeline.codec != ZarrCodec::kNone || pipeline.checksums_before > 0 ||
+    } else if (pipeline.codec != BlockCodec::kNone || pipeline.checksums_before > 0 ||
                !takeFilter(name, configuration, pipeline)) {
       refuse("its codec " + quotedText(name, 40) + " is not read" +
              (shards_.empty() ? "" : " in shards"));
@@ -414,9 +419,7 @@ ZarrArray::ByteRun ZarrArray::tableOf(const StoreFile& file, std::size_t shard,
                                       const ByteRun& run) const {
   const std::uint64_t bytes = static_cast<std::uint64_t>(product(chunksOf(shard))) * 16 +
                               (shards_[shard].index_has_checksum ? 4 : 0);
-  if (run.bytes < bytes)
-    throw unreadable(file.path(), "it is shorter than the index of a shard",
-                     "; get the whole store again");
+  if (run.bytes < bytes) throw damagedStore(file.path(), "it is shorter than the index of a shard");
   return {shards_[shard].index_at_start ? run.offset : run.offset + run.bytes - bytes, bytes};
 }
 
@@ -424,9 +427,6 @@ ZarrArray::ByteRun ZarrArray::tableOf(const StoreFile& file, std::size_t shard,
 // it is not stored.
 std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, std::size_t shard,
                                                          ByteRun run, const Indices& index) const {
-  const auto damaged = [&](const auto&... why) {
-    return unreadable(file.path(), why..., "; get the whole store again");
-  };
   const Indices count = chunksOf(shard);
   std::int64_t row = 0;
   for (std::size_t i = 0; i < count.size(); ++i) {
@@ -436,14 +436,14 @@ std::optional<ZarrArray::ByteRun> ZarrArray::findInShard(const StoreFile& file, 
   const ByteRun place = tableOf(file, shard, run);
   std::vector<std::byte> table(static_cast<std::size_t>(place.bytes));
   if (file.readAt(place.offset, table.data(), table.size(), true) != table.size())
-    throw damaged("it became shorter meanwhile");
+    throw damagedStore(file.path(), "it became shorter meanwhile");
   if (shards_[shard].index_has_checksum && !takeChecksum(table))
-    throw damaged("the index of the shard fails its checksum");
+    throw damagedStore(file.path(), "the index of the shard fails its checksum");
   const ByteRun found = {loadNumber<std::uint64_t>(table.data() + 16 * row, false),
                          loadNumber<std::uint64_t>(table.data() + 16 * row + 8, false)};
   if (found.offset == ~std::uint64_t{0} && found.bytes == ~std::uint64_t{0}) return std::nullopt;
   if (found.offset > run.bytes || found.bytes > run.bytes - found.offset)
-    throw damaged("its index names bytes behind its end");
+    throw damagedStore(file.path(), "its index names bytes behind its end");
   return ByteRun{run.offset + found.offset, found.bytes};
 }
 
@@ -509,26 +509,22 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
     throwIfStoreWentAway();
     return false;
   }
-  const auto damaged = [&](const auto&... why) {
-    return unreadable(path, why..., "; get the whole store again");
-  };
   std::optional<ByteRun> run = ByteRun{0, file->size()};
   for (std::size_t shard = 0; run && shard < shards_.size(); ++shard)
     run = findInShard(*file, shard, *run, index);
   if (!run) return false;
   if (run->bytes > mostPackedBytes(filteredChunkBytes()) + kMostChecksumBytes)
-    throw damaged("a chunk takes ", run->bytes, " bytes there, and unpacked ", storedChunkBytes());
+    throw damagedStore(path, "a chunk takes ", run->bytes, " bytes there, and unpacked ",
+                       storedChunkBytes());
   out.resize(static_cast<std::size_t>(run->bytes));
   if (file->readAt(run->offset, out.data(), out.size()) != out.size())
-    throw damaged("it became shorter meanwhile");
+    throw damagedStore(path, "it became shorter meanwhile");
   return true;
 }
 
 void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
                        std::vector<std::byte>& out) const {
-  const auto fail = [&](const std::string& why) {
-    throw unreadable(path, why, "; get the whole store again");
-  };
+  const auto fail = [&](const std::string& why) { throw damagedStore(path, why); };
   const auto takeChecksums = [&](std::vector<std::byte>& bytes, int count) {
     for (int i = 0; i < count; ++i) {
       if (bytes.size() < 4) fail("it is cut short");
@@ -537,7 +533,7 @@ void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
   };
   takeChecksums(packed, pipeline_.checksums_after);
   out.resize(filteredChunkBytes() + 4 * static_cast<std::size_t>(pipeline_.checksums_before));
-  if (const std::string why = unpackZarr(pipeline_.codec, packed, out); !why.empty()) fail(why);
+  if (const std::string why = unpackBlock(pipeline_.codec, packed, out); !why.empty()) fail(why);
   takeChecksums(out, pipeline_.checksums_before);
   for (std::size_t i = pipeline_.filters.size(); i-- > 0;) {
     std::swap(packed, out);

@@ -12,17 +12,11 @@
 #include <vector>
 
 #include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/unpack_block.h"
 #include "isobrick/preprocess/sources/zarr_remote.h"
 #include "isobrick/preprocess/sources/zarr_store.h"
 
 namespace isobrick {
-
-enum class ZarrCodec { kNone, kBlosc, kZlib, kGzip, kZstd, kLz4, kBz2, kLzma };
-
-// Unpacks `packed`, which must become exactly out.size() bytes. Returns its fault, fit for "...:
-// FAULT", or nothing. Input is hostile: nothing is read or written beyond the spans.
-std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
-                       std::span<std::byte> out);
 
 // What was done to the numbers of a chunk before it was packed.
 struct ZarrFilter {
@@ -43,9 +37,6 @@ struct ZarrFilter {
 // Undoes a filter; `out` becomes `bytes` long, of which `packed` has filter.packedBytes().
 void undoZarrFilter(const ZarrFilter& filter, std::span<const std::byte> packed, std::size_t bytes,
                     std::vector<std::byte>& out);
-
-// The most that `bytes` unpacked bytes can take packed: no more than that is ever read.
-std::uint64_t mostPackedBytes(std::uint64_t bytes);
 
 // A JSON file of a store, which may be hostile: at most 16 MiB, not nested deeper than 32. Throws
 // Error for text that is no JSON object.
@@ -94,7 +85,7 @@ class ZarrArray {
   // packer, with checksums before and after it.
   struct Pipeline {
     std::vector<ZarrFilter> filters;  // in the order of writing
-    ZarrCodec codec = ZarrCodec::kNone;
+    BlockCodec codec = BlockCodec::kNone;
     int checksums_before = 0, checksums_after = 0;
   };
   // Chunks, or smaller shards, behind one another with a table of their places.

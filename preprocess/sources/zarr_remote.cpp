@@ -165,7 +165,6 @@ bool RemoteStore::isStillThere(const std::string& path) {
 // Of those that are read again and again, the one that was used longest ago goes; and those that
 // were announced, and that another thread read meanwhile.
 void RemoteStore::makeRoom(std::uint64_t bytes) {
-  constexpr auto kForgotten = std::chrono::seconds(30);
   const Clock::time_point now = Clock::now();
   const auto isFull = [&] {
     return asked_.size() >= kMostAsked || asked_bytes_ + bytes > kMostAskedBytes;
@@ -183,7 +182,7 @@ void RemoteStore::makeRoom(std::uint64_t bytes) {
 void RemoteStore::announce(const std::string& path, const FirstRequest& first) {
   const std::lock_guard lock(mutex_);
   const auto isThis = [&](const Asked& one) { return one.path == path; };
-  if (std::any_of(asked_.begin(), asked_.end(), isThis)) return;
+  if (std::ranges::any_of(asked_, isThis)) return;
   makeRoom(first.bytes);
   if (asked_.size() >= kMostAsked || asked_bytes_ + first.bytes > kMostAskedBytes) return;
   asked_.push_back({path, ask(path, first), first.bytes, Clock::now()});
@@ -195,8 +194,8 @@ std::shared_ptr<RemoteRanges> RemoteStore::open(const std::string& path, const F
   Ranges ranges;
   {
     const std::lock_guard lock(mutex_);
-    const auto found = std::find_if(asked_.begin(), asked_.end(),
-                                    [&](const Asked& one) { return one.path == path; });
+    const auto found =
+        std::ranges::find_if(asked_, [&](const Asked& one) { return one.path == path; });
     if (found == asked_.end()) {
       ranges = ask(path, first);
       if (stays) {

@@ -51,6 +51,8 @@ class RemoteStore {
 
   const CancelFlag* cancel() const { return cancel_; }
 
+  // What was announced, and was not opened for so long, is not kept for others.
+  static constexpr std::chrono::seconds kForgotten{30};
   static constexpr std::uint64_t kMostDocumentBytes = std::uint64_t{16} << 20;
 
  private:

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <filesystem>
@@ -16,7 +17,6 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
-#include "isobrick/preprocess/sources/announced_boxes.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -33,17 +33,18 @@
 namespace isobrick {
 namespace {
 
-// Vectors of T by key. Thread-safe.
-template <typename Key, typename T>
-class RecentCache {
+using Indices = ZarrArray::Indices;
+
+// Unpacked chunks. Thread-safe.
+class ChunkCache {
  public:
-  using Value = std::shared_ptr<const std::vector<T>>;
+  using Value = std::shared_ptr<const std::vector<std::byte>>;
 
   // Kept values take up to `budget_bytes`, or are one value.
-  explicit RecentCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
+  explicit ChunkCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
   // Null: it is not there.
-  Value find(const Key& key) {
+  Value find(const Indices& key) {
     const std::lock_guard lock(mutex_);
     const auto found = places_.find(key);
     if (found == places_.end()) return nullptr;
@@ -51,32 +52,31 @@ class RecentCache {
     return found->second->second;
   }
   // If two threads made the same value, that of the first is kept.
-  void add(const Key& key, Value value) {
+  void add(const Indices& key, Value value) {
     const std::lock_guard lock(mutex_);
     if (places_.contains(key)) return;
-    held_bytes_ += value->size() * sizeof(T);
+    held_bytes_ += value->size();
     values_.emplace_back(key, std::move(value));
     places_[key] = std::prev(values_.end());
     while (held_bytes_ > budget_bytes_ && values_.size() > 1) {
-      held_bytes_ -= values_.front().second->size() * sizeof(T);
+      held_bytes_ -= values_.front().second->size();
       places_.erase(values_.front().first);
       values_.pop_front();
     }
   }
 
  private:
-  using Values = std::list<std::pair<Key, Value>>;
+  using Values = std::list<std::pair<Indices, Value>>;
 
   const std::uint64_t budget_bytes_;
   std::mutex mutex_;  // guards all below
   Values values_;     // the one used last at the end
-  std::map<Key, typename Values::iterator> places_;
+  std::map<Indices, Values::iterator> places_;
   std::uint64_t held_bytes_ = 0;
 };
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-using Indices = ZarrArray::Indices;
 
 template <typename... Parts>
 Error cannotUse(const std::string& path, const Parts&... reason) {
@@ -115,8 +115,6 @@ Placement placementOf(const std::string& path, const Json& transformations, std:
   }
   return result;
 }
-
-using ChunkCache = RecentCache<Indices, std::byte>;
 
 // The chunks that were read, each counted once, and how many of them the store lacks. Chunks are
 // not counted if there are more than any volume has that was not made for it.
@@ -158,7 +156,7 @@ class ChunkTally {
   std::uint64_t read_ = 0, missing_ = 0;
 };
 
-class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
+class ZarrSource final : public VolumeSource {
  public:
   // `axes`: which axis of the array x, y and z are. `fixed`: an index for all others, -1 for these.
   ZarrSource(VolumeInfo info, ZarrArray array, std::array<std::size_t, 3> axes, Indices fixed,
@@ -192,18 +190,6 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     return files;
   }
 
-  void announceBoxes(std::span<const IndexBox> boxes) const override {
-    if (!array_.isRemote()) return;
-    std::set<Indices> wanted;
-    std::vector<Indices> in_order;
-    for (const IndexBox& box : boxes)
-      forEachIndex(chunksOf(box), [&](const Index3& at) {
-        Indices index = indicesOf(at);
-        if (isAbsent(index) && wanted.insert(index).second) in_order.push_back(std::move(index));
-      });
-    array_.announce(in_order);
-  }
-
   void readBox(const IndexBox& box, void* out) const override {
     const Index3 size = chunkVoxels();
     const IndexBox chunks = chunksOf(box);
@@ -224,14 +210,26 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     });
   }
 
-  // They are asked for by the next readBox(), behind its own.
-  void announce(const IndexBox& box) const override {
-    if (!array_.isRemote() || box.size() == 0) return;
-    const std::lock_guard lock(mutex_);
-    forEachIndex(chunksOf(box), [&](const Index3& at) { announced_.push_back(at); });
+  // What has no room now is asked for by the next readBox(), behind its own.
+  void announce(std::span<const IndexBox> boxes) const override {
+    if (!array_.isRemote()) return;
+    {
+      const std::lock_guard lock(mutex_);
+      announced_.clear();
+      in_order_.clear();
+      for (const IndexBox& box : boxes)
+        if (box.size() > 0)
+          forEachIndex(chunksOf(box), [&](const Index3& at) {
+            Indices index = indicesOf(at);
+            if (announced_.insert(index).second) in_order_.push_back(std::move(index));
+          });
+    }
+    askAhead({}, 0);
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+
   Index3 chunkVoxels() const {
     Index3 size;
     for (int axis = 0; axis < 3; ++axis) size[axis] = array_.chunk()[axes_[axis]];
@@ -268,14 +266,19 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
     std::vector<Indices> next;
     {
       const std::lock_guard lock(mutex_);
+      const auto now = Clock::now();
+      // The store has forgotten what nobody read.
+      if (ahead_.size() >= most)
+        std::erase_if(ahead_,
+                      [&](const auto& one) { return now - one.second > RemoteStore::kForgotten; });
       const auto take = [&](Indices index) {
         if (being_read_.contains(index) || cache_.find(index) != nullptr) return;
-        if (ahead_.insert(index).second) next.push_back(std::move(index));
+        if (ahead_.try_emplace(index, now).second) next.push_back(std::move(index));
       };
       for (; ahead_.size() < most && number < chunks.size(); ++number)
         take(indicesOf(chunks.first + indexAt(number, chunks.count)));
-      for (; ahead_.size() < most && !announced_.empty(); announced_.pop_front())
-        take(indicesOf(announced_.front()));
+      for (; ahead_.size() < most && !in_order_.empty(); in_order_.pop_front())
+        if (announced_.erase(in_order_.front()) > 0) take(std::move(in_order_.front()));
     }
     array_.announce(next);
   }
@@ -309,6 +312,7 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
       if (ChunkCache::Value chunk = cache_.find(index)) return chunk;
       being_read_.insert(index);
       ahead_.erase(index);
+      announced_.erase(index);
     }
     const Reading reading{*this, index};
     auto voxels = std::make_shared<std::vector<std::byte>>();
@@ -352,10 +356,12 @@ class ZarrSource final : public VolumeSource, public AnnouncedBoxes {
   std::uint64_t cache_bytes_;
   mutable ChunkCache cache_;
   mutable ChunkTally tally_;
-  mutable std::mutex mutex_;  // guards the three below
+  mutable std::mutex mutex_;  // guards the four below
   mutable std::set<Indices> being_read_;
-  mutable std::set<Indices> ahead_;  // asked for and not read yet
-  mutable std::deque<Index3> announced_;
+  mutable std::map<Indices, Clock::time_point>
+      ahead_;                             // asked for and not read yet, and since when
+  mutable std::set<Indices> announced_;   // not asked for, and not read since
+  mutable std::deque<Indices> in_order_;  // those, and some that were read
   mutable std::condition_variable changed_;
 };
 
@@ -401,8 +407,8 @@ class ZarrOpener {
  private:
   bool hasRemoteMetadata() const {
     constexpr std::array kNames = {"/zarr.json", "/.zarray", "/.zattrs", "/.zmetadata"};
-    return std::any_of(kNames.begin(), kNames.end(),
-                       [&](const char* name) { return storeFileIsThere(path_ + name); });
+    return std::ranges::any_of(kNames,
+                               [&](const char* name) { return storeFileIsThere(path_ + name); });
   }
 
   // Of a group that is no image itself.
@@ -486,8 +492,8 @@ class ZarrOpener {
       for (const Json& name : member(attributes, "_ARRAY_DIMENSIONS"))
         names_.push_back(textOf(name));
     }
-    const bool has_all = std::all_of(names_.begin(), names_.end(),
-                                     [](const std::string& name) { return !name.empty(); });
+    const bool has_all =
+        std::ranges::all_of(names_, [](const std::string& name) { return !name.empty(); });
     if (names_.empty() || !has_all) {
       static constexpr std::array kUsual = {"t", "c", "z", "y", "x"};
       names_.assign(kUsual.end() - static_cast<std::ptrdiff_t>(count), kUsual.end());
@@ -506,25 +512,23 @@ class ZarrOpener {
 
   // Which axes x, y and z are: by name, or, of three others, by their order, z first.
   std::array<std::size_t, 3> spaceAxes() const {
-    const auto isNamed = [&](const char* name) {
-      return std::count(names_.begin(), names_.end(), name) == 1;
-    };
+    const auto isNamed = [&](const char* name) { return std::ranges::count(names_, name) == 1; };
     const auto axisNamed = [&](const char* name) {
-      return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), name) -
-                                      names_.begin());
+      return static_cast<std::size_t>(std::ranges::find(names_, name) - names_.begin());
     };
     if (isNamed("x") && isNamed("y") && isNamed("z"))
       return {axisNamed("x"), axisNamed("y"), axisNamed("z")};
-    const bool has_types = std::find(is_space_.begin(), is_space_.end(), true) != is_space_.end();
+    const bool has_types = std::ranges::find(is_space_, true) != is_space_.end();
     std::vector<std::size_t> found;
-    std::string list;
+    ListText list;
     for (std::size_t i = 0; i < names_.size(); ++i) {
       if (has_types ? is_space_[i] : names_[i] != "t" && names_[i] != "c") found.push_back(i);
-      list += (i > 0 ? ", " : "") + quotedText(names_[i], 40);
+      list.add(quotedText(names_[i], 40));
     }
     if (found.size() != 3)
       throw cannotUse(array_path_,
-                      "isobrick needs three axes of space, x, y and z, and it has the axes ", list);
+                      "isobrick needs three axes of space, x, y and z, and it has the axes ",
+                      list.text());
     return {found[2], found[1], found[0]};
   }
 
@@ -534,7 +538,7 @@ class ZarrOpener {
     Indices fixed(names_.size(), 0);
     bool has_time = false, has_channel = false;
     for (std::size_t i = 0; i < names_.size(); ++i) {
-      if (std::find(axes.begin(), axes.end(), i) != axes.end()) {
+      if (std::ranges::find(axes, i) != axes.end()) {
         fixed[i] = -1;
         continue;
       }

@@ -61,21 +61,6 @@ std::uint32_t checksumOf(const void* data, std::size_t bytes) {
   return static_cast<std::uint32_t>(crc32_z(0, static_cast<const Bytef*>(data), bytes));
 }
 
-// False if they do not unpack to `out`, all of it and no more.
-bool inflateAll(std::vector<std::byte>& packed, std::vector<std::byte>& out) {
-  z_stream stream = {};
-  if (inflateInit2(&stream, -MAX_WBITS) != Z_OK) throw std::bad_alloc();
-  std::byte none{};
-  stream.next_in = reinterpret_cast<Bytef*>(packed.data());
-  stream.avail_in = static_cast<uInt>(packed.size());
-  stream.next_out = reinterpret_cast<Bytef*>(out.empty() ? &none : out.data());
-  stream.avail_out = static_cast<uInt>(out.size());
-  const int end = inflate(&stream, Z_FINISH);
-  const bool is_whole = end == Z_STREAM_END && stream.avail_out == 0;
-  inflateEnd(&stream);
-  return is_whole;
-}
-
 bool isZipName(const std::string& name) {
   const std::string lower = lowercase(name);
   return lower.ends_with(".zip") || lower.ends_with(".ozx");
@@ -205,11 +190,11 @@ void ZipFile::readTable(const Table& table) {
     members_.push_back(std::move(member));
   }
   // Of two of one name the later one counts, as for those who unpack it all.
-  std::stable_sort(members_.begin(), members_.end(),
-                   [](const Member& a, const Member& b) { return a.name < b.name; });
+  std::ranges::stable_sort(members_,
+                           [](const Member& a, const Member& b) { return a.name < b.name; });
   for (const Member& member : members_) begins_.push_back(member.header_offset);
   begins_.push_back(table.offset);
-  std::sort(begins_.begin(), begins_.end());
+  std::ranges::sort(begins_);
 }
 
 const ZipFile::Member* ZipFile::find(const std::string& name) const {
@@ -288,14 +273,11 @@ bool storeFileIsThere(const std::string& path) {
 }
 
 void visitStoreFolders(const std::string& folder, const std::function<bool(std::string)>& f) {
-  if (const auto store = remoteStoreOf(folder)) {
-    for (std::string& name : store->childrenOf(folder))
-      if (!f(std::move(name))) return;
-    return;
-  }
   std::string inside;
-  if (const auto zip = zipThrough(folder, inside)) {
-    for (std::string& name : zip->childrenOf(inside))
+  const auto zip = zipThrough(folder, inside);
+  const auto store = remoteStoreOf(folder);
+  if (zip != nullptr || store != nullptr) {
+    for (std::string& name : zip != nullptr ? zip->childrenOf(inside) : store->childrenOf(folder))
       if (!f(std::move(name))) return;
     return;
   }
@@ -314,9 +296,8 @@ bool isZarrZip(const std::string& path) {
       if (zip->find(prefix + std::string(name)) != nullptr) return true;
     if (depth == 0) return false;
     const std::vector<std::string> children = zip->childrenOf(folder);
-    return std::any_of(children.begin(), children.end(), [&](const std::string& child) {
-      return holdsOne(prefix + child, depth - 1);
-    });
+    return std::ranges::any_of(
+        children, [&](const std::string& child) { return holdsOne(prefix + child, depth - 1); });
   };
   return holdsOne(inside, 1);
 }
@@ -350,8 +331,8 @@ void StoreFile::openMember(const std::string& name, bool in_parts) {
   const ByteRange first = zip_->firstRangeOf(*member, in_parts);
   std::vector<std::byte> head(static_cast<std::size_t>(first.bytes));
   const bool is_header = first.bytes == kHeaderBytes;
-  const bool stays = is_header || std::any_of(std::begin(kMetadata), std::end(kMetadata),
-                                              [&](auto known) { return name.ends_with(known); });
+  const bool stays = is_header || std::ranges::any_of(
+                                      kMetadata, [&](auto known) { return name.ends_with(known); });
   head.resize(zip_->readAt(first.offset, head.data(), head.size(), stays));
   if (head.size() < kHeaderBytes || numberAt<std::uint32_t>(head, 0) != 0x04034b50) throw damaged();
   const std::uint64_t before =
@@ -379,7 +360,7 @@ void StoreFile::openMember(const std::string& name, bool in_parts) {
     unpacked_ = std::move(packed);
   } else {
     unpacked_.resize(static_cast<std::size_t>(size_));
-    if (!inflateAll(packed, unpacked_)) throw damaged();
+    if (!unpackBlock(BlockCodec::kDeflate, packed, unpacked_).empty()) throw damaged();
   }
   if (checksumOf(unpacked_.data(), unpacked_.size()) != member->checksum) throw damaged();
 }
@@ -478,7 +459,7 @@ class ZarrVolumes {
       names.push_back(std::move(name));
       return names.size() < kMostGroups;
     });
-    std::sort(names.begin(), names.end(), numericNameLess);
+    std::ranges::sort(names, numericNameLess);
     return names;
   }
 

@@ -156,8 +156,7 @@ VolumeWriteReport writeSlices(
     write(file, data);
     report.bytes += fileBytes(file);
   });
-  if (options.before_publishing) options.before_publishing();
-  folder.commit(options.cancel);
+  publish(folder, options);
   return report;
 }
 

@@ -17,29 +17,9 @@ namespace {
 constexpr std::int64_t kChunkVoxels = 64;
 
 hid_t fileType(VoxelType type) {
-  switch (type) {
-    case VoxelType::kUint8:
-      return H5T_STD_U8LE;
-    case VoxelType::kInt8:
-      return H5T_STD_I8LE;
-    case VoxelType::kUint16:
-      return H5T_STD_U16LE;
-    case VoxelType::kInt16:
-      return H5T_STD_I16LE;
-    case VoxelType::kFloat32:
-      return H5T_IEEE_F32LE;
-    case VoxelType::kUint64:
-      return H5T_STD_U64LE;
-    case VoxelType::kInt64:
-      return H5T_STD_I64LE;
-    case VoxelType::kUint32:
-      return H5T_STD_U32LE;
-    case VoxelType::kInt32:
-      return H5T_STD_I32LE;
-    case VoxelType::kFloat64:
-      return H5T_IEEE_F64LE;
-  }
-  return H5I_INVALID_HID;
+  return std::array{H5T_STD_U8LE,  H5T_STD_I8LE,  H5T_STD_U16LE, H5T_STD_I16LE, H5T_IEEE_F32LE,
+                    H5T_STD_U64LE, H5T_STD_I64LE, H5T_STD_U32LE, H5T_STD_I32LE, H5T_IEEE_F64LE}
+      [static_cast<std::size_t>(type)];
 }
 
 std::array<hsize_t, 3> slowestFirst(const Index3& v) {
@@ -190,8 +170,7 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   writeChunks(source, options, writer);
   writer.finish();
   report.bytes = fileBytes(file.temporaryPath());
-  if (options.before_publishing) options.before_publishing();
-  file.commit(options.cancel);
+  publish(file, options);
   return report;
 }
 

@@ -108,8 +108,7 @@ VolumeWriteReport writePages(VolumeLevels& levels, const std::string& path,
   });
   if (TIFFFlush(file.get()) == 0) throw failed(path);
   report.bytes = fileBytes(atomic.temporaryPath());
-  if (options.before_publishing) options.before_publishing();
-  atomic.commit(options.cancel);
+  publish(atomic, options);
   return report;
 }
 

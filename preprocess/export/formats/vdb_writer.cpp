@@ -283,8 +283,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
                              "space or choose another folder",
                          {.path = path});
   }
-  if (options.before_publishing) options.before_publishing();
-  file.commit(options.cancel);
+  publish(file, options);
   return report;
 }
 

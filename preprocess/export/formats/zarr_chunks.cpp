@@ -3,6 +3,7 @@
 #include <blosc.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <mutex>
@@ -32,7 +33,7 @@ std::vector<T> readChunk(const VolumeSource& source, const Index3& first) {
   const IndexBox box{first, count};
   std::vector<T> inside(static_cast<std::size_t>(box.size()));
   source.readBox(box, inside.data());
-  if (std::all_of(inside.begin(), inside.end(), [](T v) { return v == T{}; })) return {};
+  if (std::ranges::all_of(inside, [](T v) { return v == T{}; })) return {};
   if (box.size() == kVoxelsOfChunk) return inside;
   std::vector<T> whole(static_cast<std::size_t>(kVoxelsOfChunk), T{});
   copyBox(SampleBlock<T>::dense(inside.data(), box), box, whole.data(),
@@ -161,8 +162,8 @@ std::uint64_t writeZarrShards(const VolumeSource& source, AtomicFolder& folder,
     ShardWriter shard(folder, concat(level, "/c/", at.z, "/", at.y, "/", at.x),
                       elementCount(per_shard));
     const std::int64_t all = elementCount(count);
-    source.announce(intersectionOf({first * kZarrChunkVoxels, count * kZarrChunkVoxels},
-                                   {Index3(0), info.voxels}));
+    source.announce(std::array{intersectionOf({first * kZarrChunkVoxels, count * kZarrChunkVoxels},
+                                              {Index3(0), info.voxels})});
     for (std::int64_t begin = 0; begin < all;) {
       const std::int64_t batch = std::min(all - begin, static_cast<std::int64_t>(packed.size()));
       isolatedForEach(std::int64_t{0}, batch, [&](std::int64_t i) {

@@ -228,8 +228,7 @@ VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
   }
   report.bytes += writeDocuments(
       options.zarr_part ? Json::object({{kPartDocument, documents}}) : documents, folder);
-  if (options.before_publishing) options.before_publishing();
-  folder.commit(options.cancel);
+  publish(folder, options);
   if (options.zarr_part) joinParts(documents, path, part.of, options, report);
   return report;
 }

@@ -499,7 +499,7 @@ TEST_F(VtiSourceTest, RefusesHostileBlocks) {
   // A list of sizes that is longer than the file.
   EXPECT_CONTAINS(message({210, 1, 0}, block), "cut short");
   const std::string half = deflated(bytes.substr(0, 105), false);
-  EXPECT_CONTAINS(message({1, 210, 0, half.size()}, half), "damaged after 105 bytes");
+  EXPECT_CONTAINS(message({1, 210, 0, half.size()}, half), "damaged after 0 bytes");
   EXPECT_CONTAINS(message({2, 105, 0, half.size(), 9}, half + block.substr(0, 9)), "damaged after");
   EXPECT_CONTAINS(message({1, 210, 0, 9}, "not packed"), "damaged after 0 bytes");
 }

@@ -1,3 +1,5 @@
+#include "isobrick/preprocess/sources/unpack_block.h"
+
 #include <blosc.h>
 #include <bzlib.h>
 #include <lz4.h>
@@ -6,12 +8,10 @@
 #include <zstd.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 
 #include "isobrick/preprocess/input_file.h"
-#include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/zarr_array.h"
+#include "isobrick/preprocess/number_text.h"
 
 namespace isobrick {
 namespace {
@@ -53,14 +53,15 @@ std::string unpackBlosc(std::span<const std::byte> packed, std::span<std::byte> 
   return got == static_cast<int>(out.size()) ? std::string() : "it is damaged";
 }
 
-std::string inflateAll(std::span<const std::byte> packed, std::span<std::byte> out) {
+// `window`: that of zlib, which says what is in front of the data, too.
+std::string inflateBlock(int window, std::span<const std::byte> packed, std::span<std::byte> out) {
   z_stream stream = {};
-  constexpr int kZlibOrGzip = 15 + 32;
-  if (inflateInit2(&stream, kZlibOrGzip) != Z_OK) return "there is no memory to unpack it";
+  if (inflateInit2(&stream, window) != Z_OK) return "there is no memory to unpack it";
+  Bytef none{};
   stream.next_in =
       const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(packed.data()));
   stream.avail_in = static_cast<uInt>(packed.size());
-  stream.next_out = reinterpret_cast<unsigned char*>(out.data());
+  stream.next_out = out.empty() ? &none : reinterpret_cast<unsigned char*>(out.data());
   stream.avail_out = static_cast<uInt>(out.size());
   const int result = inflate(&stream, Z_FINISH);
   const bool is_whole = result == Z_STREAM_END && stream.avail_out == 0;
@@ -69,15 +70,10 @@ std::string inflateAll(std::span<const std::byte> packed, std::span<std::byte> o
   return result == Z_DATA_ERROR ? "it is damaged" : wrongSize(out.size());
 }
 
-// Behind the number of bytes that it unpacks to.
 std::string unpackLz4(std::span<const std::byte> packed, std::span<std::byte> out) {
-  constexpr std::size_t kHeadBytes = 4;
-  if (packed.size() < kHeadBytes) return "it is cut short";
-  if (loadNumber<std::uint32_t>(packed.data(), false) != out.size()) return wrongSize(out.size());
-  const int got = LZ4_decompress_safe(reinterpret_cast<const char*>(packed.data()) + kHeadBytes,
-                                      reinterpret_cast<char*>(out.data()),
-                                      static_cast<int>(packed.size() - kHeadBytes),
-                                      static_cast<int>(out.size()));
+  const int got = LZ4_decompress_safe(
+      reinterpret_cast<const char*>(packed.data()), reinterpret_cast<char*>(out.data()),
+      static_cast<int>(packed.size()), static_cast<int>(out.size()));
   return got == static_cast<int>(out.size()) ? std::string() : "it is damaged";
 }
 
@@ -111,25 +107,31 @@ std::string unpackLzma(std::span<const std::byte> packed, std::span<std::byte> o
 
 }  // namespace
 
-std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
-                       std::span<std::byte> out) {
+std::string unpackBlock(BlockCodec codec, std::span<const std::byte> packed,
+                        std::span<std::byte> out) {
   switch (codec) {
-    case ZarrCodec::kNone:
+    case BlockCodec::kNone:
       if (packed.size() != out.size()) return wrongSize(out.size());
       std::memcpy(out.data(), packed.data(), out.size());
       return {};
-    case ZarrCodec::kBlosc:
+    case BlockCodec::kBlosc:
       return unpackBlosc(packed, out);
-    case ZarrCodec::kZlib:
-    case ZarrCodec::kGzip:
-      return inflateAll(packed, out);
-    case ZarrCodec::kLz4:
+    case BlockCodec::kZlib:
+      return inflateBlock(MAX_WBITS + 32, packed, out);
+    case BlockCodec::kDeflate:
+      return inflateBlock(-MAX_WBITS, packed, out);
+    case BlockCodec::kSizedLz4:
+      if (packed.size() < 4) return "it is cut short";
+      if (loadNumber<std::uint32_t>(packed.data(), false) != out.size())
+        return wrongSize(out.size());
+      return unpackLz4(packed.subspan(4), out);
+    case BlockCodec::kLz4:
       return unpackLz4(packed, out);
-    case ZarrCodec::kBz2:
+    case BlockCodec::kBz2:
       return unpackBz2(packed, out);
-    case ZarrCodec::kLzma:
+    case BlockCodec::kLzma:
       return unpackLzma(packed, out);
-    case ZarrCodec::kZstd: {
+    case BlockCodec::kZstd: {
       const std::size_t got = ZSTD_decompress(out.data(), out.size(), packed.data(), packed.size());
       if (ZSTD_isError(got)) return "it is damaged";
       return got == out.size() ? std::string() : wrongSize(out.size());
@@ -137,66 +139,5 @@ std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
   }
   return "it is packed in an unknown way";
 }
-
-namespace {
-
-std::uint64_t wholeNumber(const std::byte* at, const StoredVoxels& type) {
-  const std::size_t bytes = type.bytes();
-  std::uint64_t value = loadUnsigned(at, bytes, type.big_endian);
-  const bool is_signed = infoOf(type.type).name[0] == 'i';
-  if (is_signed && bytes < 8 && (value >> (8 * bytes - 1) & 1) != 0)
-    value -= std::uint64_t{1} << (8 * bytes);
-  return value;
-}
-
-void storeWhole(std::uint64_t value, const StoredVoxels& type, std::byte* at) {
-  const std::size_t bytes = type.bytes();
-  for (std::size_t i = 0; i < bytes; ++i, value >>= 8)
-    at[type.big_endian ? bytes - 1 - i : i] = static_cast<std::byte>(value & 0xff);
-}
-
-// Integers wrap around, as they did when they were written.
-void addUpIntegers(const ZarrFilter& filter, std::span<const std::byte> packed, std::byte* out) {
-  std::uint64_t sum = 0;
-  for (std::size_t at = 0; at < packed.size();
-       at += filter.packed.bytes(), out += filter.unpacked.bytes()) {
-    sum += wholeNumber(packed.data() + at, filter.packed);
-    storeWhole(sum, filter.unpacked, out);
-  }
-}
-
-template <typename Float, typename Bits>
-void addUpFloats(const ZarrFilter& filter, std::span<const std::byte> packed, std::byte* out) {
-  Float sum = 0;
-  for (std::size_t at = 0; at < packed.size(); at += sizeof(Float), out += sizeof(Float)) {
-    sum += std::bit_cast<Float>(static_cast<Bits>(wholeNumber(packed.data() + at, filter.packed)));
-    storeWhole(std::bit_cast<Bits>(sum), filter.unpacked, out);
-  }
-}
-
-// Bytes of a last number that is not whole stay where they are.
-void unshuffle(std::size_t number_bytes, std::span<const std::byte> packed, std::byte* out) {
-  const std::size_t count = packed.size() / number_bytes, whole = count * number_bytes;
-  for (std::size_t byte = 0; byte < number_bytes; ++byte)
-    for (std::size_t i = 0; i < count; ++i) out[i * number_bytes + byte] = packed[byte * count + i];
-  std::copy(packed.begin() + static_cast<std::ptrdiff_t>(whole), packed.end(), out + whole);
-}
-
-}  // namespace
-
-void undoZarrFilter(const ZarrFilter& filter, std::span<const std::byte> packed, std::size_t bytes,
-                    std::vector<std::byte>& out) {
-  out.resize(bytes);
-  if (filter.kind == ZarrFilter::Kind::kShuffle)
-    unshuffle(filter.shuffled_bytes, packed, out.data());
-  else if (filter.unpacked.type == StoredType::kFloat32)
-    addUpFloats<float, std::uint32_t>(filter, packed, out.data());
-  else if (filter.unpacked.type == StoredType::kFloat64)
-    addUpFloats<double, std::uint64_t>(filter, packed, out.data());
-  else
-    addUpIntegers(filter, packed, out.data());
-}
-
-std::uint64_t mostPackedBytes(std::uint64_t bytes) { return bytes + bytes / 16 + (1 << 16); }
 
 }  // namespace isobrick
