@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from ._errors import Error
+from ._errors import ArgumentError
 
 #: As of every command.
 DEFAULT_MEMORY = "1G"
@@ -19,8 +19,8 @@ def byte_size(size: int | str) -> int:
     else:
         match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([KMGT]?)(?:i?B)?\s*", size, re.IGNORECASE)
         if match is None:
-            raise Error(f"'{size}' is not a size; give bytes as an int, or a text such as '256M'")
+            raise ArgumentError(f"'{size}' is not a size; give bytes as an int, or a text such as '256M'")
         bytes_ = int(float(match[1]) * _UNITS[match[2].upper()])
     if bytes_ <= 0:
-        raise Error(f"a size above 0 is wanted, not {size!r}")
+        raise ArgumentError(f"a size above 0 is wanted, not {size!r}")
     return bytes_
