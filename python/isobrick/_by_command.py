@@ -28,7 +28,11 @@ def _word_of(value: Any) -> str:
 
 def words_of(options: Mapping[str, Any]) -> list[str]:
     """Options of the command: ``{"iso": [500, 1324], "cap": True, "select": {"time": 3}}`` are
-    ``--iso=500,1324 --cap --select=time=3``. None and False leave one out; a list of lists gives it several times."""
+    ``--iso=500,1324 --cap --select=time=3``. None and False leave one out; a list of lists gives it several times.
+
+    >>> words_of({"iso": [500, 1324], "cap": True, "select": {"time": 3}, "level": None})
+    ['--iso=500,1324', '--cap', '--select=time=3']
+    """
     words: list[str] = []
     for name, value in options.items():
         option = "--" + name.replace("_", "-")

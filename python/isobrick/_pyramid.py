@@ -135,6 +135,14 @@ def merge(
 class Pyramid:
     """An open pyramid, a context manager. Open one with ``isobrick.open``.
 
+    >>> report = isobrick.build("phantom:sphere:32", "sphere.isb")
+    >>> with isobrick.open("sphere.isb") as pyramid:
+    ...     mesh = pyramid.extract(0)
+    >>> pyramid
+    <isobrick.Pyramid '...sphere.isb', closed>
+    >>> mesh.check().is_solid
+    True
+
     Arrays are [z, y, x]; points, focus, spacing and origin are (x, y, z) in world units. May be used by any
     number of threads. Pickles as its path: a copy in another process opens the file itself, and so does a
     child of fork().

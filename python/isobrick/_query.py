@@ -110,6 +110,14 @@ class Query:
     focus, radius, box, clip and sphere are (x, y, z) in world units, or voxel indices (x, y, z) with
     ``indices=True``; so is the distance of ``simplify``.
 
+    >>> from dataclasses import replace
+    >>> bone = Query(1324, focus=(75, 30, 75), radius=20)
+    >>> replace(bone, radius=40).radius
+    40
+    >>> Query(1324, focus=(75, 30, 75))
+    Traceback (most recent call last):
+    isobrick._errors.ArgumentError: focus and radius belong together; give both, or neither
+
     Parameters
     ----------
     isovalue

@@ -13,7 +13,11 @@ _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 
 def byte_size(size: int | str) -> int:
-    """Bytes of ``268435456``, ``"256M"`` or ``"1.5G"``; the units are powers of 1024."""
+    """Bytes of ``268435456``, ``"256M"`` or ``"1.5G"``; the units are powers of 1024.
+
+    >>> byte_size("1.5G"), byte_size("256MiB")
+    (1610612736, 268435456)
+    """
     if isinstance(size, int):
         bytes_ = size
     else:
