@@ -105,7 +105,7 @@ cat "$in" > "${1#file:}"
 }
 
 TEST_F(RenderSequenceTest, WithoutAMovieNothingRemains) {
-  const Words words{"render", "head.isb",   "--iso", "500", "--size",
+  const Words words{"render", "head.isb", "--iso", "500", "--size",
                     "64x48",  "--frames", "2",     "-o",  "m.mp4"};
   putFfmpeg("echo 'Unknown encoder' >&2; exit 1\n");
   expectFailure(1, words, "Unknown encoder");

@@ -141,7 +141,8 @@ TEST_F(ViewCommandTest, PicturesAreLargerThanTheWindowAndTransparent) {
       {"picture": "large.png"}, {"picture": "large.exr"},
       {"set": {"pictures": {"transparent": false, "times": 1}}}, {"wait": "settled"},
       {"picture": "again.png"}, {"key": "P", "shift": true}, {"wait": 0.01}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--out-dir", "frames"});
+  runWell(
+      {"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--out-dir", "frames"});
   const auto sizeAndColor = [&](const char* name) {
     const std::string bytes = readBytes(path(std::string("frames/") + name));
     const auto big_endian = [&](std::size_t at) {
