@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -61,7 +62,8 @@ def run_command(command: str, inputs: Sequence[Source], options: Mapping[str, An
     last = said[-1] if said else f"isobrick {command} ended with {done.returncode}"
     if done.returncode == 2:
         raise ArgumentError(last)
-    raise error_of(last, paths[0] if paths else None)
+    named = re.search(r"'([^']+)'", last)
+    raise error_of(last, named[1] if named else None)
 
 
 def pyramid_of_volume(

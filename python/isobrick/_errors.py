@@ -54,7 +54,7 @@ def error_of(message: str, path: str | None = None, *place: Any) -> Error:
     kind = Error
     if os.strerror(errno.ENOENT) in message:
         kind = NotFoundError
-    elif "' exists; " in message:
+    elif "' exists; " in message or "' exists already; " in message:
         kind = ExistsError
     return kind(message, path, *place)
 

@@ -160,8 +160,9 @@ def test_conversions(pyramid: isobrick.Pyramid, tmp_path: Path) -> None:
     assert said["output"] == str(tmp_path / "box.raw")
     voxels = np.fromfile(tmp_path / "box.raw", np.float32).reshape(20, 16, 11)
     assert np.array_equal(voxels, np.asarray(pyramid.level(1)[:20, :16, :11]))
-    with pytest.raises(FileExistsError):
+    with pytest.raises(FileExistsError) as exists:
         isobrick.convert(pyramid, tmp_path / "box.raw")
+    assert exists.value.path == str(tmp_path / "box.raw")  # type: ignore[attr-defined]
     with pytest.raises(ValueError, match="--tpye"):
         isobrick.convert(pyramid, tmp_path / "other.raw", tpye="f32")
 
@@ -188,3 +189,11 @@ def test_doctests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         assert result.failed == 0
         tried += result.attempted
     assert tried >= 10
+
+
+def test_lengths_with_a_unit_are_in_the_world(pyramid: isobrick.Pyramid, command: Callable[..., str], tmp_path: Path) -> None:
+    words = ["--focus", "19,10,10mm", "--radius", "2000um", "--box", "10,0,0,30,19,19mm", "--simplify", "0.01cm"]
+    command("extract", pyramid.path, "--iso", 0, *words, "-o", tmp_path / "theirs.ply")
+    box = ((10, 0, 0), (30, 19, 19))
+    pyramid.extract_to(tmp_path / "ours.ply", 0, focus=(19, 10, 10), radius=2, box=box, simplify=0.1)
+    assert (tmp_path / "ours.ply").read_bytes() == (tmp_path / "theirs.ply").read_bytes()
