@@ -97,6 +97,38 @@ const SurfaceMesh::Part& SurfaceMesh::partOfVertex(std::uint64_t vertex) const {
   return *after;
 }
 
+void SurfaceMesh::keep(std::span<const std::uint8_t> is_kept) {
+  constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  std::vector<std::uint32_t> number(vertices_, kNone);
+  std::uint32_t* const corners = triangleData();
+  for (std::uint64_t corner = 0; corner < 3 * triangles_; ++corner)
+    if (is_kept[corner / 3] != 0) number[corners[corner]] = 0;
+  std::uint64_t vertices = 0, triangles = 0;
+  for (Part& part : parts_) {
+    const Part before =
+        std::exchange(part, {vertices, 0, triangles, 0, part.origin, part.level, 0});
+    for (std::uint64_t v = before.first_vertex; v < before.first_vertex + before.vertices; ++v) {
+      if (number[v] == kNone) continue;
+      positionData()[vertices] = positionData()[v];
+      normalData()[vertices] = normalData()[v];
+      number[v] = static_cast<std::uint32_t>(vertices++);
+    }
+    const std::uint64_t end = before.first_triangle + before.triangles;
+    for (std::uint64_t t = before.first_triangle; t < end; ++t) {
+      if (is_kept[t] == 0) continue;
+      for (std::uint64_t corner = 0; corner < 3; ++corner)
+        corners[3 * triangles + corner] = number[corners[3 * t + corner]];
+      ++triangles;
+      part.caps += t >= end - before.caps ? 1 : 0;
+    }
+    part.vertices = vertices - part.first_vertex;
+    part.triangles = triangles - part.first_triangle;
+  }
+  std::erase_if(parts_, [](const Part& part) { return part.vertices + part.triangles == 0; });
+  vertices_ = vertices;
+  triangles_ = triangles;
+}
+
 void SurfaceMesh::release() noexcept {
   vertices_ = triangles_ = 0;
   parts_.clear();

@@ -59,6 +59,10 @@ class SurfaceMesh {
     return placement_.worldPosition(partOfVertex(vertex).origin, positions()[vertex]);
   }
 
+  // Forgets the triangles whose entry, one for each, is 0, and the vertices that no other one uses.
+  // What stays keeps its order.
+  void keep(std::span<const std::uint8_t> is_kept);
+
   // Forgets the mesh and gives its memory back to the system.
   void release() noexcept;
 

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "isobrick/storage/error.h"
 #include "tools/parse_text.h"
 #include "tools/shared_options.h"
 
@@ -73,11 +74,15 @@ void addViewOptions(CLI::App& app, ChoiceOptions& options) {
 
 void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
   CLI::Option* const focus = addParsedOption(
-      app, "--focus", options.focus, parsePoint, "X,Y,Z",
-      "Centre of interest in voxel indices: finest around it, coarser with distance");
-  CLI::Option* const radius =
-      addParsedOption(app, "--radius", options.radius, numberFrom(0), "R",
-                      "Radius of interest in voxels: everything within is of the finest level");
+      app, "--focus", options.focus, parserOfLengths(parsePoint, options.focus_in_world),
+      "X,Y,Z[mm]",
+      "Centre of interest in voxel indices: finest around it, coarser with distance. With a unit, "
+      "75,30,75mm, a point of the world");
+  CLI::Option* const radius = addParsedOption(
+      app, "--radius", options.radius, parserOfLengths(numberFrom(0), options.radius_in_world),
+      "R[mm]",
+      "Radius of interest in voxels: everything within is of the finest level. With a unit, 10mm "
+      "or 500um, in the world");
   focus->needs(radius);
   radius->needs(focus);
   CLI::Option* const curvature = addParsedOption(
@@ -121,13 +126,26 @@ ChoiceOptions parseChoice(const std::string& text) {
   return options;
 }
 
+void refuseUnitOfUnknown(const GridGeometry& geometry, const char* option) {
+  if (geometry.unit == LengthUnit::kUnknown)
+    throw Error(
+        fmt::format("{} is given with a unit, and that of the volume is unknown; give it in "
+                    "voxels, whose least spacing is {}, or with --world in the volume's own unit",
+                    option, geometry.leastSpacing()));
+}
+
 DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid& pyramid) {
   const GridGeometry& geometry = pyramid.spec().geometry;
   DetailChoice choice;
   if (options.focus) {
+    if (options.focus_in_world) refuseUnitOfUnknown(geometry, "--focus");
+    if (options.radius_in_world) refuseUnitOfUnknown(geometry, "--radius");
     choice.focus.emplace();
-    choice.focus->center = world ? geometry.worldToIndex(*options.focus) : *options.focus;
-    choice.focus->radius = world ? *options.radius / geometry.leastSpacing() : *options.radius;
+    choice.focus->center =
+        world || options.focus_in_world ? geometry.worldToIndex(*options.focus) : *options.focus;
+    choice.focus->radius = world || options.radius_in_world
+                               ? *options.radius / geometry.leastSpacing()
+                               : *options.radius;
   }
   choice.uniform_level = options.level;
   choice.curvature_tolerance = options.curvature_tolerance;

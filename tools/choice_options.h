@@ -14,8 +14,9 @@ namespace isobrick {
 inline constexpr double kDefaultFieldOfView = 90;
 
 struct ChoiceOptions {
-  std::optional<glm::dvec3> focus;
-  std::optional<double> radius;
+  std::optional<glm::dvec3> focus;  // in voxels, or millimetres of the world
+  std::optional<double> radius;     // likewise
+  bool focus_in_world = false, radius_in_world = false;
   std::optional<int> level;
   std::optional<double> curvature_tolerance;
   std::optional<double> curvature_radius;
@@ -35,7 +36,11 @@ bool isFinest(const ChoiceOptions& options);
 // their dashes. Throws std::invalid_argument with the reason.
 ChoiceOptions parseChoice(const std::string& text);
 
-// `world`: the focus and its radius are in world units.
+// `world`: the focus and its radius are in world units, whatever they say. Throws Error for
+// millimetres of a volume whose unit is unknown.
 DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid& pyramid);
+
+// Throws Error if the volume's unit is unknown; `option` was given with a unit.
+void refuseUnitOfUnknown(const GridGeometry& geometry, const char* option);
 
 }  // namespace isobrick

@@ -316,8 +316,9 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
   addRepeatedOption(
       app, "--color",
       [&arguments](const std::string& text) { arguments.colors.push_back(parseColor(text)); },
-      "R,G,B",
-      "With --together: colour of the surface, sRGB from 0 to 1; once for each isovalue or label")
+      "COLOUR",
+      "With --together: colour of the surface, #rrggbb, a name such as red, or R,G,B from 0 to 1, "
+      "sRGB; once for each isovalue or label")
       ->needs(together);
   app.add_flag("--zlib", arguments.zlib, "Pack .vtp with zlib")->needs(output);
   app.add_flag("--meshopt", arguments.meshopt,
@@ -325,7 +326,8 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                "normals to 10 bits")
       ->needs(output);
   addParsedOption(app, "--repeat", arguments.repeat, integerWithin(1, 1000000), "N",
-                  "Extract N times; the last one is written");
+                  "Extract N times; the last one is written")
+      ->group(kProgramGroup);
 }
 
 }  // namespace

@@ -121,7 +121,7 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
     attributes.back()["vertices_outside"] = result.vertices_outside.at(i);
   }
   if (attributes.size() == 1) json["attribute"] = attributes.front();
-  if (attributes.size() > 1) json["attributes"] = std::move(attributes);
+  json["attributes"] = std::move(attributes);
   if (!result.file.empty()) json["file"] = withoutSecrets(result.file);
   if (result.quality) json["check"] = jsonOfQuality(*result.quality);
   json["isovalue"] = result.isovalue;
@@ -230,11 +230,11 @@ Json jsonOfResults(const ExtractResults& results) {
     seconds.update(json["seconds"]);
     json["seconds"] = std::move(seconds);
   } else {
-    json["surfaces"] = Json::array();
-    for (const ExtractResult& surface : results.surfaces)
-      json["surfaces"].push_back(jsonOfSurface(results, surface));
     json["seconds"] = {{"open", results.open_seconds}};
   }
+  json["surfaces"] = Json::array();
+  for (const ExtractResult& surface : results.surfaces)
+    json["surfaces"].push_back(jsonOfSurface(results, surface));
   json["pager"] = jsonOfPager(results.pager);
   if (results.remote) json["remote"] = jsonOfRemote(*results.remote, results.opening);
   json["peak_rss_bytes"] = peakResidentBytes();

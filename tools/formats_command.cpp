@@ -55,7 +55,7 @@ std::string noteOf(const Json& format) {
   std::string note;
   for (const char* what : {"levels", "attribute", "color-by", "zlib", "meshopt"})
     if (format.value(what, false)) note += (note.empty() ? "--" : ", --") + std::string(what);
-  return note == "--levels" ? "--levels all" : note;
+  return note == "--levels" ? "--all-levels" : note;
 }
 
 void printFormats(const Json& json) {

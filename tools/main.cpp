@@ -19,6 +19,7 @@
 #include "tools/line_words.h"
 #include "tools/own_folder.h"
 #include "tools/source_plugin.h"
+#include "tools/user_words.h"
 
 namespace isobrick {
 namespace {
@@ -40,6 +41,26 @@ int reportUsage(const CLI::App& app, const std::string& message) {
   return kWrongUsage;
 }
 
+// Of a word that begins with '-' the options of the command, else the commands.
+std::string guessFor(const CLI::App& app, const std::string& word) {
+  std::vector<std::string> known;
+  const std::string name = word.substr(0, word.find('='));
+  if (app.get_subcommands().empty())
+    for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; }))
+      known.push_back(sub->get_name());
+  else if (name.starts_with("--"))
+    for (const CLI::Option* option : app.get_subcommands().front()->get_options())
+      if (!option->get_group().empty())
+        for (const std::string& one : option->get_lnames()) known.push_back("--" + one);
+  return guessOf(name, known);
+}
+
+// Of the first word that nothing took.
+std::string guessOfRest(const CLI::App& app) {
+  const std::vector<std::string> rest = app.remaining(true);
+  return rest.empty() ? std::string() : guessFor(app, rest.front());
+}
+
 // The exit status if the words themselves end the run (help, version, wrong usage).
 std::optional<int> parseArguments(CLI::App& app, int argc, char** argv) {
   try {
@@ -51,10 +72,11 @@ std::optional<int> parseArguments(CLI::App& app, int argc, char** argv) {
     // For an unknown subcommand CLI11 only says that one is missing.
     const std::vector<std::string> unknown = app.remaining();
     if (app.get_subcommands().empty() && !unknown.empty())
-      return reportUsage(app, fmt::format("unknown subcommand or option '{}'", unknown.front()));
-    return reportUsage(app, error.what());
+      return reportUsage(app, fmt::format("unknown subcommand or option '{}'{}", unknown.front(),
+                                          guessFor(app, unknown.front())));
+    return reportUsage(app, error.what() + guessOfRest(app));
   } catch (const CLI::ParseError& error) {
-    return reportUsage(app, error.what());
+    return reportUsage(app, error.what() + guessOfRest(app));
   }
   return std::nullopt;
 }
@@ -115,14 +137,24 @@ void runCommandOfFile(int argc, char** argv) {
   runExternalCommand(*command, words.data());
 }
 
-int runWords(int argc, char** argv) {
+int runWords(int given, char** given_words) {
+  std::vector<std::string> texts = todaysWords(given, given_words);
+  std::vector<char*> words;
+  for (std::string& text : texts) words.push_back(text.data());
+  words.push_back(nullptr);
+  const int argc = static_cast<int>(texts.size());
+  char** const argv = words.data();
   noteWords(argv);
   readLevel0ByPlugin();
   if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);
   const std::vector<Command> commands = addCommands(app);
-  if (argc > 1 && !isSubcommand(app, argv[1])) runCommandOfFile(argc, argv);
+  if (argc == 1) {
+    fmt::print("{}", app.help());
+    return std::fflush(stdout) == 0 ? kSucceeded : kFailed;
+  }
+  if (!isSubcommand(app, argv[1])) runCommandOfFile(argc, argv);
   if (const auto status = parseArguments(app, argc, argv)) return *status;
   installInterruptHandler();
   const int status = runReportingFailures(app, commands);

@@ -81,9 +81,12 @@ int runMerge(const MergeArguments& arguments) {
 
 Command addMergeCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand(
-      "merge", "Join the shares of a surface that 'extract --part' wrote to one mesh");
+      "merge", "Join what --part made: shares of a surface to one mesh, or the files of an .isbs");
   const auto arguments = std::make_shared<MergeArguments>();
-  sub->add_option("SHARE", arguments->shares, "All shares of one surface (.isbm), in any order")
+  sub->add_option("SHARE", arguments->shares,
+                  "All shares of one surface (.isbm), in any order; or the folder of a pyramid "
+                  "(.isbs), which "
+                  "is checked and gets its index, and no output")
       ->required();
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
@@ -103,7 +106,8 @@ Command addMergeCommand(CLI::App& app) {
 Example:
   isobrick extract head.isb --iso 1324 --part 1/2 -o head-1.isbm    on one machine
   isobrick extract head.isb --iso 1324 --part 2/2 -o head-2.isbm    on another one
-  isobrick merge head-1.isbm head-2.isbm -o head.ply)");
+  isobrick merge head-1.isbm head-2.isbm -o head.ply
+  isobrick merge scan.isbs)");
   return {sub, [arguments] { return runMerge(*arguments); }};
 }
 

@@ -43,7 +43,34 @@ bool parseList(std::string_view text, std::array<T, count>& values, Parse parse)
   return true;
 }
 
+struct ColorName {
+  std::string_view name, hexadecimal;
+};
+// Of CSS.
+constexpr ColorName kColorNames[] = {
+    {"black", "#000000"},  {"white", "#ffffff"}, {"grey", "#808080"},  {"gray", "#808080"},
+    {"red", "#ff0000"},    {"green", "#008000"}, {"blue", "#0000ff"},  {"yellow", "#ffff00"},
+    {"orange", "#ffa500"}, {"cyan", "#00ffff"},  {"brown", "#a52a2a"}, {"magenta", "#ff00ff"},
+    {"purple", "#800080"}, {"pink", "#ffc0cb"},  {"ivory", "#fffff0"}, {"tan", "#d2b48c"}};
+
+struct LengthName {
+  std::string_view name;
+  double millimetres;
+};
+// "mm" before "m".
+constexpr LengthName kLengthNames[] = {{"nm", 1e-6}, {"um", 1e-3},   {"mm", 1},    {"cm", 10},
+                                       {"m", 1e3},   {"inch", 25.4}, {"ft", 304.8}};
+
 }  // namespace
+
+std::optional<double> takeLengthUnit(std::string& text) {
+  for (const auto& [name, millimetres] : kLengthNames)
+    if (text.ends_with(name)) {
+      text.resize(text.size() - name.size());
+      return millimetres;
+    }
+  return std::nullopt;
+}
 
 double parseNumber(const std::string& text) {
   double value = 0;
@@ -100,6 +127,11 @@ std::uint64_t parseByteSize(const std::string& text) {
   std::string_view digits = text;
   double unit = 1;
   constexpr std::string_view kUnits = "KMGT";
+  for (const std::string_view bytes : {"iB", "B"})  // 256MiB, 256MB and 256M are one size
+    if (digits.size() > bytes.size() && digits.ends_with(bytes)) {
+      digits.remove_suffix(bytes.size());
+      break;
+    }
   if (!digits.empty()) {
     const char last = digits.back();
     const char upper = last >= 'a' && last <= 'z' ? static_cast<char>(last - 'a' + 'A') : last;
@@ -163,10 +195,19 @@ PrintSize parsePrintSize(const std::string& text) {
 }
 
 glm::vec3 parseColor(const std::string& text) {
+  std::string_view word = text;
+  for (const auto& [name, hexadecimal] : kColorNames)
+    if (word == name) word = hexadecimal;
+  if (std::uint32_t rgb = 0; word.size() == 7 && word.front() == '#') {
+    const auto [stop, error] = std::from_chars(word.data() + 1, word.data() + 7, rgb, 16);
+    if (error == std::errc() && stop == word.data() + 7)
+      return glm::vec3(rgb >> 16, rgb >> 8 & 255, rgb & 255) / 255.0f;
+  }
   std::array<double, 3> v{};
   bool fits = parseList(text, v, parseFinite);
   for (const double part : v) fits = fits && part >= 0 && part <= 1;
-  if (!fits) refuse(text, "a colour R,G,B of three numbers from 0 to 1 without spaces");
+  if (!fits)
+    refuse(text, "a colour: #rrggbb, R,G,B from 0 to 1 without spaces, or a name such as red");
   return glm::vec3(glm::dvec3(v[0], v[1], v[2]));
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,12 +29,15 @@ inline auto numberFrom(double least) {
 inline auto integerWithin(std::int64_t least, std::int64_t most) {
   return [least, most](const std::string& text) { return parseInteger(text, least, most); };
 }
+// Takes the unit off the end of lengths, "75,30,75mm" or "500um": its millimetres. Nothing: there
+// is none.
+std::optional<double> takeLengthUnit(std::string& text);
 // "X,Y,Z"
 glm::dvec3 parsePoint(const std::string& text);
 Index3 parseIndex3(const std::string& text);
 // "1,2.5,-3": any number of finite numbers, at least one.
 std::vector<double> parseNumbers(const std::string& text);
-// "65536", "256M", "1.5G": K, M, G and T stand for powers of 1024.
+// "65536", "256M", "256MiB", "1.5G": K, M, G and T stand for powers of 1024.
 std::uint64_t parseByteSize(const std::string& text);
 
 // A label, 0 to 2^64 - 1.
@@ -49,6 +53,9 @@ struct Corners {
   glm::dvec3 lower{0.0};
   glm::dvec3 upper{0.0};
 };
+inline Corners operator*(const Corners& box, double scale) {
+  return {box.lower * scale, box.upper * scale};
+}
 // "X0,Y0,Z0,X1,Y1,Z1" with every lower coordinate below its upper one.
 Corners parseCorners(const std::string& text);
 
@@ -71,7 +78,7 @@ struct PrintSize {
 };
 // "1024x768", "85x60mm"
 PrintSize parsePrintSize(const std::string& text);
-// "R,G,B", each 0 .. 1.
+// "#rrggbb", "R,G,B", each 0 .. 1, or a name of CSS such as "red"; sRGB.
 glm::vec3 parseColor(const std::string& text);
 
 }  // namespace isobrick

@@ -10,6 +10,7 @@
 #include "isobrick/storage/grid.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/json_output.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
@@ -23,6 +24,7 @@ struct PhantomArguments {
   std::string type;  // empty: the phantom's own
   std::string output;
   bool force = false;
+  bool json = false;
 };
 
 std::vector<std::string> voxelTypeShortNames() {
@@ -47,8 +49,15 @@ int runPhantom(PhantomArguments& arguments) {
     options.progress = [&bar](double share) { bar.show("phantom", share); };
     writeVolume(*source, arguments.output, options);
   }
-  fmt::print("{}: {} of {}^3 {} voxels; use --iso {}\n", arguments.output, arguments.spec.name,
-             arguments.spec.size, type_name, phantom.storedIsovalue());
+  if (arguments.json)
+    printJson({{"output", arguments.output},
+               {"phantom", arguments.spec.name},
+               {"voxels", arguments.spec.size},
+               {"voxel_type", type_name},
+               {"isovalue", phantom.storedIsovalue()}});
+  else
+    fmt::print("{}: {} of {}^3 {} voxels; use --iso {}\n", arguments.output, arguments.spec.name,
+               arguments.spec.size, type_name, phantom.storedIsovalue());
   return 0;
 }
 
@@ -69,6 +78,7 @@ Command addPhantomCommand(CLI::App& app) {
       ->type_name("FILE")
       ->required();
   addForceFlag(*sub, arguments->force);
+  addJsonFlag(*sub, arguments->json);
   sub->add_option("--type", arguments->type,
                   "Voxels to write; default: u16 for head, u8 for gyroid, f32 for the others")
       ->type_name("T")

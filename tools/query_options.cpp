@@ -71,8 +71,8 @@ void readIsovalues(QueryOptions& options, const std::string& text, bool several)
 }
 
 SimplifyOptions parseSimplify(const std::string& text) {
-  const bool in_world = text.ends_with("mm");
-  const double distance = parseNumber(in_world ? text.substr(0, text.size() - 2) : text);
+  bool in_world = false;
+  const double distance = parserOfLengths(parseNumber, in_world)(text);
   if (!(distance > 0)) throw std::invalid_argument("a distance is wanted that is above 0");
   return {distance, in_world};
 }
@@ -110,7 +110,7 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       "Refine the cells of another choice too, such as 'focus=10,20,30 radius=5'; may be given "
       "again. Focus, curvature, eye and level that are given together leave cells coarse together");
   beginGroup(app, kSurfaceGroup);
-  addBoxOption(app, options.box);
+  addBoxOption(app, options.box, &options.box_in_world);
   app.add_flag(
       "--cap", options.cap,
       "Close the surface where it leaves the volume, or the part of it that is asked for, as if "
@@ -193,9 +193,10 @@ std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uin
 }
 
 void addSimplifyOption(CLI::App& app, QueryOptions& options) {
-  addParsedOption(app, "--simplify", options.simplify, parseSimplify, "D",
-                  "Fewer triangles: of each brick, within D voxels of the least spacing of the "
-                  "surface as it is without this, either way; 0.2mm: in world units");
+  addParsedOption(
+      app, "--simplify", options.simplify, parseSimplify, "D",
+      "Fewer triangles: of each brick, within D voxels of the least spacing of the "
+      "surface as it is without this, either way; with a unit, 0.2mm or 50um, in the world");
 }
 
 void findPyramid(QueryOptions& options) {
@@ -252,8 +253,10 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   for (const ChoiceOptions& choice : options.or_finer)
     query.or_finer.push_back(makeChoice(choice, options.world, pyramid));
   if (options.box) {
-    query.box = options.world ? indexBoxAround(*options.box, geometry)
-                              : QueryBox{options.box->lower, options.box->upper};
+    if (options.box_in_world) refuseUnitOfUnknown(geometry, "--box");
+    query.box = options.world || options.box_in_world
+                    ? indexBoxAround(*options.box, geometry)
+                    : QueryBox{options.box->lower, options.box->upper};
     refuseBoxOutside(*query.box, pyramid, withoutSecrets(options.input.path));
   }
   if (options.simplify && options.simplify->in_world && geometry.unit == LengthUnit::kUnknown) {

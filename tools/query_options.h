@@ -27,6 +27,7 @@ struct QueryOptions {
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
+  bool box_in_world = false;  // with a unit: in millimetres
   bool cap = false;
   RegionOptions region;
   std::optional<SimplifyOptions> simplify;

@@ -20,6 +20,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/json_output.h"
 #include "tools/output_check.h"
 #include "tools/output_names.h"
 #include "tools/parse_text.h"
@@ -44,6 +45,7 @@ struct RenderArguments {
   bool show_focus = false;
   bool steps = false;  // each FILE is a step of time
   bool force = false;
+  bool json = false;
   // Saved views, in place of most of the above: one, or the stops of the camera's path.
   std::vector<std::string> states;
   int pictures = 1;  // more: a turntable, or along the path
@@ -89,6 +91,24 @@ std::string sizeText(const RenderArguments& arguments) {
   const std::string size =
       fmt::format("{} x {} pixels", arguments.size.width, arguments.size.height);
   return arguments.pictures > 1 ? fmt::format("{} pictures of {}", arguments.pictures, size) : size;
+}
+
+// What was drawn. `seconds`: by phase.
+void printDrawn(const RenderArguments& arguments, std::uint64_t triangles, const Json& seconds,
+                const std::string& device) {
+  if (arguments.json)
+    return printJson({{"output", arguments.output},
+                      {"frames", arguments.pictures},
+                      {"width", arguments.size.width},
+                      {"height", arguments.size.height},
+                      {"triangles", triangles},
+                      {"seconds", seconds},
+                      {"device", device}});
+  std::string times;
+  for (const auto& [phase, time] : seconds.items())
+    times += fmt::format("{}{} {:.2f} s", times.empty() ? "" : ", ", phase, time.get<double>());
+  fmt::print("{}: {}, {} triangles; {} ({})\n", arguments.output, sizeText(arguments),
+             countText(triangles), times, device);
 }
 
 std::vector<QueryOptions> queriesOf(const RenderArguments& arguments) {
@@ -159,8 +179,7 @@ int renderStates(RenderArguments& arguments) {
     }
   });
   output.finish();
-  fmt::print("{}: {}, {} triangles; {:.2f} s ({})\n", arguments.output, sizeText(arguments),
-             countText(triangles), watch.seconds(), renderer.deviceName());
+  printDrawn(arguments, triangles, {{"all", watch.seconds()}}, renderer.deviceName());
   return 0;
 }
 
@@ -216,9 +235,9 @@ class SurfacePictures {
       output_->giveUp();
       throw;
     }
-    fmt::print("{}: {}, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n", arguments_.output,
-               sizeText(arguments_), countText(triangles_), extract_seconds_,
-               draw_seconds_ + draw_watch.seconds(), renderer_->deviceName());
+    printDrawn(arguments_, triangles_,
+               {{"extract", extract_seconds_}, {"draw", draw_seconds_ + draw_watch.seconds()}},
+               renderer_->deviceName());
   }
 
  private:
@@ -282,14 +301,14 @@ void checkArguments(RenderArguments& arguments, bool has_isovalue) {
   refuseCount(arguments.looks.opacities.size(), "--opacity");
   checkFiles(arguments);
   if (states > 1 && arguments.pictures == 1)
-    throw UsageError("several --state are the stops of a path; say how many --pictures it has");
+    throw UsageError("several --state are the stops of a path; say how many --frames it has");
   if (arguments.pictures == 1 && isSequenceName(arguments.output))
     throw UsageError(
-        fmt::format("'{}' is a name of many pictures; say how many --pictures", arguments.output));
+        fmt::format("'{}' is a name of many pictures; say how many --frames", arguments.output));
   if (arguments.pictures == 1 && arguments.pictures_per_second)
-    throw UsageError("--pictures-per-second goes with --pictures, or with a movie of --steps");
+    throw UsageError("--fps goes with --frames, or with a movie of --steps");
   if (arguments.pictures > 1 && !arguments.steps && arguments.query.choice.look_at)
-    throw UsageError("--pictures turns the picture around; leave out --look-at");
+    throw UsageError("--frames turns the picture around; leave out --look-at");
   if (arguments.print_size.in_millimetres && !arguments.pixels_per_inch)
     arguments.pixels_per_inch = 300.0;
   arguments.size = arguments.print_size.pixels(arguments.pixels_per_inch.value_or(300.0));
@@ -317,9 +336,9 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
   addParsedOption(
       app, "--dpi", arguments.pixels_per_inch, numberFrom(1.0), "N",
       "Pixels per inch of a print, which the picture keeps; default for millimetres: 300");
-  addParsedOption(app, "--pictures", arguments.pictures, integerWithin(2, 100000), "N",
+  addParsedOption(app, "--frames", arguments.pictures, integerWithin(2, 100000), "N",
                   "So many pictures: all around the surface, or along the path of several --state");
-  addParsedOption(app, "--pictures-per-second", arguments.pictures_per_second, numberFrom(0.1), "N",
+  addParsedOption(app, "--fps", arguments.pictures_per_second, numberFrom(0.1), "N",
                   "Of a movie; default: 25");
   addParsedOption(app, "--azimuth", view.camera.azimuth, parseNumber, "DEGREES",
                   "Walk around the surface, to the right; 0 looks along +y; default: 25");
@@ -343,7 +362,9 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
   addRepeatedOption(
       app, "--color",
       [&arguments](const std::string& text) { arguments.looks.colors.push_back(parseColor(text)); },
-      "R,G,B", "Colour of the surface, sRGB from 0 to 1; of several, once for each");
+      "COLOUR",
+      "Colour of the surface: #rrggbb, a name such as red, or R,G,B from 0 to 1, sRGB; of several, "
+      "once for each");
   addRepeatedOption(
       app, "--opacity",
       [&arguments](const std::string& text) {
@@ -352,14 +373,14 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
         arguments.looks.opacities.push_back(opacity);
       },
       "O", "Opacity of the surface, from 0 to 1 (default); of several, once for each");
-  addParsedOption(app, "--background-top", view.background_top, parseColor, "R,G,B",
+  addParsedOption(app, "--background-top", view.background_top, parseColor, "COLOUR",
                   "Colour at the upper edge of the picture");
-  addParsedOption(app, "--background-bottom", view.background_bottom, parseColor, "R,G,B",
+  addParsedOption(app, "--background-bottom", view.background_bottom, parseColor, "COLOUR",
                   "Colour at the lower edge");
   addParsedOption(
       app, "--background", view.background_top,
       [&view](const std::string& text) { return parseBackground(view, text); },
-      "dark|light|white|R,G,B",
+      "dark|light|white|COLOUR",
       "Both of them: for screens (default), slides or print; or a colour");
 }
 
@@ -380,7 +401,7 @@ Command addRenderCommand(CLI::App& app) {
   beginGroup(*sub, kOutputGroup);
   sub->add_option("-o,--output", arguments->output,
                   "Output; a picture, .png (8 bits, sRGB) or .exr (half floats, linear); with "
-                  "--pictures folder/%04d.png, or a movie, .mp4")
+                  "--frames folder/%04d.png, or a movie, .mp4")
       ->type_name("IMAGE")
       ->required();
   sub->add_flag(
@@ -388,8 +409,9 @@ Command addRenderCommand(CLI::App& app) {
       "Each FILE is a step of time: a picture of each, where {name} stands in the output, "
       "or folder/%04d.png or a movie of all; without it they are volumes of one scene");
   addForceFlag(*sub, arguments->force);
+  addJsonFlag(*sub, arguments->json);
   addPictureOptions(*sub, *arguments);
-  findOption(*sub, "--steps")->excludes(findOption(*sub, "--pictures"));
+  findOption(*sub, "--steps")->excludes(findOption(*sub, "--frames"));
   CLI::Option* const state =
       sub->add_option(
              "--state", arguments->states,
@@ -399,8 +421,8 @@ Command addRenderCommand(CLI::App& app) {
           ->allow_extra_args(false);
   findOption(*sub, "--iso")->required(false);
   for (CLI::Option* const option : optionsBeside(
-           *sub, {"FILE", "--output", "--size", "--dpi", "--pictures", "--pictures-per-second",
-                  "--memory", "--help", "--threads", "--state", "--steps", "--force", "--no-map"}))
+           *sub, {"FILE", "--output", "--size", "--dpi", "--frames", "--fps", "--memory", "--help",
+                  "--threads", "--state", "--steps", "--force", "--no-map", "--json"}))
     state->excludes(option);
   sub->footer(R"(
 Example:

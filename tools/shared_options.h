@@ -34,6 +34,17 @@ CLI::Option* addParsedOption(CLI::App& app, const std::string& names, Target& ta
   return app.add_option_function<std::string>(names, set, description)->type_name(value_name);
 }
 
+// A parser of lengths, which are voxels, or, with a unit at their end, millimetres of the world;
+// `in_world` is set to which of them, and lives as long as the parser.
+template <typename Parse>
+auto parserOfLengths(Parse parse, bool& in_world) {
+  return [parse, &in_world](std::string text) {
+    const std::optional<double> millimetres = takeLengthUnit(text);
+    in_world = millimetres.has_value();
+    return parse(text) * millimetres.value_or(1.0);
+  };
+}
+
 // Adds an option that may be given again: calls `take(word)` for each of its words.
 template <typename Take>
 CLI::Option* addRepeatedOption(CLI::App& app, const std::string& name, Take take,
@@ -76,7 +87,7 @@ inline constexpr char kSurfaceGroup[] = "Surface", kDetailGroup[] = "Detail",
                       kPyramidGroup[] = "Pyramid", kInputGroup[] = "Input",
                       kMeasuringGroup[] = "Measuring", kWindowGroup[] = "Window",
                       kScriptGroup[] = "Scripts", kResourceGroup[] = "Resources",
-                      kProgramGroup[] = "For programs";
+                      kProgramGroup[] = "";  // hidden: for other programs and for measuring
 
 // Options that are added to the command from now on belong to this group.
 inline void beginGroup(CLI::App& app, const char* group) { app.option_defaults()->group(group); }
@@ -115,10 +126,15 @@ CLI::Option* addLevelOption(CLI::App& app, Level& level, int coarsest) {
                          "This level of the pyramid everywhere; 0 is the finest");
 }
 
-inline CLI::Option* addBoxOption(CLI::App& app, std::optional<Corners>& box) {
-  return addParsedOption(app, "--box", box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
-                         "Only this box of voxel indices of level 0, both corners included; of a "
-                         "surface, the cells that it touches");
+inline CLI::Option* addBoxOption(CLI::App& app, std::optional<Corners>& box,
+                                 bool* in_world = nullptr) {
+  constexpr char kHelp[] =
+      "Only this box of voxel indices of level 0, both corners included; of a surface, the cells "
+      "that it touches";
+  if (in_world == nullptr)
+    return addParsedOption(app, "--box", box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1", kHelp);
+  return addParsedOption(app, "--box", box, parserOfLengths(parseCorners, *in_world),
+                         "X0,Y0,Z0,X1,Y1,Z1[mm]", kHelp);
 }
 
 // All cores that the process may use.

@@ -9,6 +9,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/json_output.h"
 #include "tools/line_words.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
@@ -22,8 +23,19 @@ struct VerifyArguments {
   std::string cache_folder;
   std::uint64_t cache_bytes = 0;
   bool no_map = false;
+  bool json = false;
   int threads = allCores();
 };
+
+Json jsonOfFaults(const PyramidFaults& faults) {
+  Json json = Json::array();
+  for (const std::string& fault : faults.rest)
+    json.push_back({{"level", nullptr}, {"brick", nullptr}, {"what", fault}});
+  for (const BrickDamage& damage : faults.bricks)
+    json.push_back(
+        {{"level", damage.level}, {"brick", jsonOf(damage.brick)}, {"what", damage.what}});
+  return json;
+}
 
 int runVerify(const VerifyArguments& arguments) {
   const Stopwatch watch;
@@ -38,6 +50,17 @@ int runVerify(const VerifyArguments& arguments) {
     faults = verifyPyramid(pyramid, {.threads = arguments.threads,
                                      .progress = [&](double done) { bar.show("verify", done); },
                                      .cancel = &interruptFlag()});
+  }
+  const bool is_whole = faults.rest.empty() && faults.bricks.empty() && faults.lost_bricks == 0;
+  if (arguments.json) {
+    printJson({{"input", path},
+               {"whole", is_whole},
+               {"bricks", pyramid.brickCount()},
+               {"lost_bricks", faults.lost_bricks},
+               {"faults", jsonOfFaults(faults)},
+               {"bytes", pyramid.fileBytes()},
+               {"seconds", watch.seconds()}});
+    return is_whole ? 0 : 1;
   }
   for (const std::string& fault : faults.rest)
     fmt::print(stderr, "isobrick: {}: {}\n", path, oneLine(fault));
@@ -73,6 +96,7 @@ Command addVerifyCommand(CLI::App& app) {
       ->required();
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
+  addJsonFlag(*sub, arguments->json);
   addCacheFolderOption(*sub, arguments->cache_folder)->group(kRemoteGroup);
   addCacheSizeOption(*sub, arguments->cache_bytes);
   sub->footer(R"(

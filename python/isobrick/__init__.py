@@ -14,7 +14,8 @@ that take points take voxel indices, (x, y, z) too, with ``indices=True``.
 from ._attributes import Colors, Distance, Nearest, Thickness
 from ._build import BuildReport, JoinReport, RawLayout, build, join
 from ._core import Cancel
-from ._errors import Cancelled, Error
+from ._by_command import convert, render
+from ._errors import ArgumentError, Cancelled, Error, ExistsError, NotFoundError, RangeError
 from ._isosurface import isosurface, marching_cubes
 from ._level import Level
 from ._mesh import Mesh, save_together
@@ -29,20 +30,23 @@ from ._pyramid import (
     merge,
     open,
 )
-from ._query import Detail, ExtractReport, LevelCounts, MeshQuality, Query, View
+from ._query import Component, Detail, ExtractReport, LevelCounts, MeshQuality, Query, View
 from ._show import BrowserView, show
 from ._version import __version__
 
 __all__ = [
+    "ArgumentError",
     "BrowserView",
     "BuildReport",
     "Cancel",
     "Cancelled",
     "Colors",
+    "Component",
     "Damage",
     "Detail",
     "Distance",
     "Error",
+    "ExistsError",
     "ExtractReport",
     "Histogram",
     "JoinReport",
@@ -52,8 +56,10 @@ __all__ = [
     "Mesh",
     "MeshQuality",
     "Nearest",
+    "NotFoundError",
     "Pyramid",
     "Query",
+    "RangeError",
     "RawLayout",
     "RemoteCounters",
     "Session",
@@ -62,11 +68,13 @@ __all__ = [
     "View",
     "__version__",
     "build",
+    "convert",
     "isosurface",
     "join",
     "marching_cubes",
     "merge",
     "open",
+    "render",
     "save_together",
     "show",
 ]

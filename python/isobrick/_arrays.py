@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import Error
+from ._errors import ArgumentError
 
 Box = tuple[slice, slice, slice]
 
@@ -59,13 +59,13 @@ class ArrayVolume:
 
 def _checked(shape: Sequence[int], dtype: np.dtype[Any], kind: str) -> tuple[int, int, int]:
     if dtype.kind == "O":
-        raise Error(f"the {kind} holds Python objects; convert it to numbers with astype()")
+        raise ArgumentError(f"the {kind} holds Python objects; convert it to numbers with astype()")
     if dtype.kind not in "buif" or dtype.itemsize > 8:
-        raise Error(f"the {kind} has voxels of type {dtype}, which are no real numbers; convert it with astype()")
+        raise ArgumentError(f"the {kind} has voxels of type {dtype}, which are no real numbers; convert it with astype()")
     if len(shape) != 3:
-        raise Error(f"the {kind} has {len(shape)} axes; a volume has three, [z, y, x]: pick one with an index")
+        raise ArgumentError(f"the {kind} has {len(shape)} axes; a volume has three, [z, y, x]: pick one with an index")
     if min(shape) < 2:
-        raise Error(f"the {kind} has the shape {tuple(shape)}; a volume has at least 2 voxels along every axis")
+        raise ArgumentError(f"the {kind} has the shape {tuple(shape)}; a volume has at least 2 voxels along every axis")
     return int(shape[0]), int(shape[1]), int(shape[2])
 
 
@@ -88,7 +88,7 @@ def describe(source: Any) -> ArrayVolume:
     if isinstance(source, ArrayVolume):
         return source
     if isinstance(source, np.ma.MaskedArray):
-        raise Error("the array is masked; give source.filled(value), with a value for the masked voxels")
+        raise ArgumentError("the array is masked; give source.filled(value), with a value for the masked voxels")
     if isinstance(source, np.ndarray):
         return _of_numpy(source, Place(), "numpy array")
     if _is_a(source, "xarray", "DataArray"):
@@ -107,7 +107,7 @@ def describe(source: Any) -> ArrayVolume:
         return _of_chunked(source)
     if hasattr(source, "__array__"):
         return _of_numpy(np.asarray(source), Place(), f"{type(source).__name__}")
-    raise Error(
+    raise ArgumentError(
         f"a {type(source).__name__} is no volume; give a path, or an array with shape, dtype and slicing"
     )
 
@@ -151,7 +151,7 @@ def _of_simpleitk(image: Any) -> ArrayVolume:
     import SimpleITK
 
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
-        raise Error(
+        raise ArgumentError(
             f"the SimpleITK image has {image.GetDimension()} axes and {image.GetNumberOfComponentsPerPixel()} "
             "numbers a voxel; a volume has three axes and one number: pick a slice or a component"
         )
@@ -163,7 +163,7 @@ def _of_simpleitk(image: Any) -> ArrayVolume:
 
 def _of_torch(tensor: Any) -> ArrayVolume:
     if tensor.device.type != "cpu":
-        raise Error(f"the tensor lies on {tensor.device}; give tensor.cpu()")
+        raise ArgumentError(f"the tensor lies on {tensor.device}; give tensor.cpu()")
     return _of_numpy(np.from_dlpack(tensor.detach()), Place(), "torch tensor")
 
 
@@ -172,7 +172,7 @@ def _of_itk(image: Any) -> ArrayVolume:
 
     direction = np.asarray(itk.array_from_matrix(image.GetDirection()), dtype=float)
     if direction.shape != (3, 3):
-        raise Error(f"the ITK image has {direction.shape[0]} axes; a volume has three")
+        raise ArgumentError(f"the ITK image has {direction.shape[0]} axes; a volume has three")
     spacing, origin = ([float(v) for v in values] for values in (image.GetSpacing(), image.GetOrigin()))
     place = Place(
         (spacing[0], spacing[1], spacing[2]),
@@ -185,10 +185,10 @@ def _of_itk(image: Any) -> ArrayVolume:
 
 def _of_dask(source: Any) -> ArrayVolume:
     if _is_a(source._meta, "numpy", "MaskedArray"):
-        raise Error("the dask array is masked; give dask.array.ma.filled(source, value)")
+        raise ArgumentError("the dask array is masked; give dask.array.ma.filled(source, value)")
     shape = _checked(source.shape, source.dtype, "dask array")
     if any(np.isnan(length) for lengths in source.chunks for length in lengths):
-        raise Error("the dask array has chunks of unknown size; give source.compute_chunk_sizes()")
+        raise ArgumentError("the dask array has chunks of unknown size; give source.compute_chunk_sizes()")
     edges = tuple(np.cumsum((0, *lengths), dtype=np.int64) for lengths in source.chunks)
     return ArrayVolume(
         shape, source.dtype, Place(), "dask array", source.name, fetch=lambda box: source[box].compute(), edges=edges
@@ -236,12 +236,12 @@ def _coordinate(source: Any, name: str) -> tuple[float, float, float]:
         return 0.0, 1.0, 0.0
     values = np.asarray(source.coords[name].values)
     if values.dtype.kind not in "buif":
-        raise Error(f"the coordinates '{name}' are no numbers; drop them, or give spacing and origin")
+        raise ArgumentError(f"the coordinates '{name}' are no numbers; drop them, or give spacing and origin")
     values = values.astype(np.float64)
     steps = np.diff(values)
     step = float((values[-1] - values[0]) / (len(values) - 1))
     if step == 0 or not np.allclose(steps, step, rtol=1e-3, atol=0):
-        raise Error(
+        raise ArgumentError(
             f"the coordinates '{name}' are not evenly spaced ({steps.min():g} to {steps.max():g}); "
             "interpolate the array onto even ones"
         )
@@ -298,7 +298,7 @@ class ChunkReader:
         self._chunk_bytes = int(np.prod(largest)) * max(dtype.itemsize, volume.dtype.itemsize)
         self.budget_bytes = max(memory_bytes // 4, 2 * self._chunk_bytes)
         if self.budget_bytes > memory_bytes // 2:
-            raise Error(
+            raise ArgumentError(
                 f"a chunk of the {volume.format} takes {self._chunk_bytes >> 20} MiB, and two of them more than half "
                 f"of memory={memory_bytes >> 20}M; give memory='{(4 * self._chunk_bytes >> 20) + 1}M' or rechunk the array"
             )
@@ -329,7 +329,7 @@ class ChunkReader:
     def _read(self, chunk: tuple[int, ...]) -> NDArray[Any]:
         voxels = self._fetch(self._box(chunk))
         if isinstance(voxels, np.ma.MaskedArray):
-            raise Error("a chunk of the array is masked; fill the array first")
+            raise ArgumentError("a chunk of the array is masked; fill the array first")
         return np.ascontiguousarray(voxels, dtype=self._dtype)
 
     def _copy_cached(self, chunk: tuple[int, ...], first: tuple[int, ...], out: NDArray[Any]) -> bool:

@@ -10,12 +10,16 @@ import numpy as np
 
 from . import _core
 from ._arrays import ArrayVolume, ChunkReader, content_sample, describe
-from ._errors import Error
+from ._errors import ArgumentError
 from ._progress import Progress, told_progress
 from ._sizes import DEFAULT_MEMORY, byte_size
 from ._version import __version__
 
 Triple = tuple[float, float, float]
+
+
+#: Of a unit of length.
+MILLIMETRES = {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "inch": 25.4}
 
 
 @dataclass(frozen=True)
@@ -105,12 +109,15 @@ class _FileInput:
     component: int | None
     label: int | None = None
     denoise: float = 0.0
+    unit: str | None = None  # of arrays
 
     def __post_init__(self) -> None:
+        if self.unit is not None and self.unit not in MILLIMETRES:
+            raise ArgumentError(f"the unit {self.unit!r} is none of {', '.join(MILLIMETRES)}")
         if self.label is not None and not 0 <= self.label < 2**64:
-            raise Error(f"the label {self.label} is not within 0 and 2**64 - 1")
+            raise ArgumentError(f"the label {self.label} is not within 0 and 2**64 - 1")
         if not 0 <= self.denoise <= 10:
-            raise Error(f"denoise={self.denoise} is not within 0 and 10 voxels")
+            raise ArgumentError(f"denoise={self.denoise} is not within 0 and 10 voxels")
 
 
 @dataclass
@@ -136,6 +143,7 @@ def build(
     spacing: Triple | None = None,
     origin: Triple | None = None,
     direction: Any = None,
+    unit: str | None = None,
     codec: str = "lz4",
     filter: str = "average",
     curvature: bool = True,
@@ -181,6 +189,8 @@ def build(
 
     Parameters
     ----------
+    unit
+        of arrays: that of spacing and origin, 'nm', 'um', 'mm', 'cm', 'm' or 'inch'; lengths become millimetres
     codec
         'none', 'lz4' or 'zstd': how bricks are packed
     filter
@@ -219,15 +229,15 @@ def build(
     name = os.fspath(out)
     is_divided = name.rstrip("/").endswith(".isbs")
     if part is not None and not is_divided:
-        raise Error("a part is of a pyramid of many files; name it with the ending .isbs")
+        raise ArgumentError("a part is of a pyramid of many files; name it with the ending .isbs")
     if index and not isinstance(source, (str, os.PathLike)):
-        raise Error("an index leaves its finest level in a file; save the array, or build without index=True")
+        raise ArgumentError("an index leaves its finest level in a file; save the array, or build without index=True")
     with told_progress(progress, f"building {os.path.basename(name.rstrip('/'))}") as tell:
         builder = _Builder(
             source, direction,
             _FileInput(
                 raw, spacing, origin, series, grid, time, channel, image, component,
-                None if label is None else int(label), float(denoise),
+                None if label is None else int(label), float(denoise), unit,
             ),
             _BuildSettings(
                 name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory), threads, tell, cancel,
@@ -264,7 +274,9 @@ class _Builder:
         self._path = os.fspath(source) if isinstance(source, (str, os.PathLike)) else None
         self._volume = None if self._path is not None else describe(source)
         if self._path is not None and direction is not None:
-            raise Error("a direction can be given for arrays only; files have their own")
+            raise ArgumentError("a direction can be given for arrays only; files have their own")
+        if self._path is not None and chosen.unit is not None:
+            raise ArgumentError("a unit can be given for arrays only; of files give spacing in millimetres")
         self._direction = direction
         self._chosen = chosen
         self._settings = settings
@@ -299,7 +311,7 @@ class _Builder:
     def build_part(self, part: tuple[int, int]) -> BuildReport:
         number, of = part
         if not 1 <= number <= of:
-            raise Error(f"there is no part {number} of {of}; they count from 1")
+            raise ArgumentError(f"there is no part {number} of {of}; they count from 1")
         bricks = self.super_bricks()
         mine = bricks[len(bricks) * (number - 1) // of : len(bricks) * number // of]
         os.makedirs(self._settings.out, exist_ok=True)
@@ -351,6 +363,11 @@ def _describe_array(
         place.origin = chosen.origin
     if direction is not None:
         place.direction = tuple(float(v) for v in np.asarray(direction, dtype=float).ravel())
+    if chosen.unit is not None:
+        scale = MILLIMETRES[chosen.unit]
+        place.spacing = (scale * place.spacing[0], scale * place.spacing[1], scale * place.spacing[2])
+        place.origin = (scale * place.origin[0], scale * place.origin[1], scale * place.origin[2])
+        place.is_millimetres = True
     _check_place(place.spacing, place.origin, place.direction)
     type_ = f"{'u' if volume.dtype.kind == 'b' else volume.dtype.kind}{volume.dtype.itemsize}"
     delivered = np.dtype(_core.delivered_type(type_))
@@ -392,9 +409,9 @@ def _build_array(
 
 def _check_place(spacing: Triple, origin: Triple, direction: tuple[float, ...]) -> None:
     if len(spacing) != 3 or not all(np.isfinite(spacing)) or min(spacing) <= 0:
-        raise Error(f"the spacing {spacing} is not three finite numbers above 0, (x, y, z)")
+        raise ArgumentError(f"the spacing {spacing} is not three finite numbers above 0, (x, y, z)")
     if len(origin) != 3 or not all(np.isfinite(origin)):
-        raise Error(f"the origin {origin} is not three finite numbers, (x, y, z)")
+        raise ArgumentError(f"the origin {origin} is not three finite numbers, (x, y, z)")
     matrix = np.asarray(direction, dtype=float)
     if matrix.size != 9 or not np.allclose(matrix.reshape(3, 3).T @ matrix.reshape(3, 3), np.eye(3), atol=1e-4):
-        raise Error("the direction is not a 3 x 3 matrix whose columns are at right angles and of length 1")
+        raise ArgumentError("the direction is not a 3 x 3 matrix whose columns are at right angles and of length 1")

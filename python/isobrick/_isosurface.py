@@ -13,7 +13,7 @@ from . import _core
 from ._arrays import ChunkReader, describe
 from ._attributes import Attribute
 from ._build import _describe_array, _FileInput
-from ._errors import Error
+from ._errors import ArgumentError
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
 from ._pyramid import Pyramid
@@ -35,8 +35,11 @@ def isosurface(
     clip: ArrayLike | None = None,
     sphere: ArrayLike | None = None,
     cap: bool = False,
+    unit: str | None = None,
     simplify: float | None = None,
     drop_small: bool = False,
+    keep_largest: int | None = None,
+    drop_below: float | None = None,
     values: Pyramid | None = None,
     attributes: Mapping[str, Attribute] | None = None,
     indices: bool = False,
@@ -50,6 +53,12 @@ def isosurface(
 
     The mesh is the one of ``build`` and ``extract``: closed but for the border of the volume, outward where values
     are below ``level``, or above it with ``inside='below'``.
+
+    >>> z, y, x = np.mgrid[0:30, 0:40, 0:50]
+    >>> ball = (12 - np.sqrt((x - 25) ** 2 + (y - 20) ** 2 + (z - 15) ** 2)).astype("f4")
+    >>> mesh = isosurface(ball, 0, spacing=(0.1, 0.1, 0.1))
+    >>> round(mesh.volume(), 1), len(mesh.components())  # 4/3 pi 1.2 ** 3
+    (7.2, 1)
 
     For several surfaces of one volume, or coarser ones, ``build`` a pyramid. An array that does not lie in memory as
     float32 is read twice, once for the range of its values.
@@ -79,8 +88,12 @@ def isosurface(
         closes the surface at the border of the volume, of the box and where mask, clip and sphere cut, as ``Query.cap``
     simplify
         fewer triangles, within this distance
+    unit
+        of spacing, origin and so of the world: 'nm', 'um', 'mm', 'cm', 'm' or 'inch'; lengths become millimetres
     drop_small
         leaves out pieces within one brick whose box has a diagonal below that distance
+    keep_largest, drop_below
+        only the largest connected pieces, or those of at least an area, as in ``Query``
     values
         a pyramid: its values at the points become ``Mesh.values``
     attributes
@@ -97,14 +110,15 @@ def isosurface(
     """
     described = describe(volume)
     if (level is None) == (label is None):
-        raise Error("an isosurface is that of a level, or of a label; give one of them")
+        raise ArgumentError("an isosurface is that of a level, or of a label; give one of them")
     isovalue = 0.5 if level is None else float(level)
     query = Query(
         isovalue, box=box, mask=mask, clip=clip, sphere=sphere, cap=cap, simplify=simplify, drop_small=drop_small,
+        keep_largest=keep_largest, drop_below=drop_below,
         values=values, attributes=attributes or {}, indices=indices, inside=inside,
     )  # fmt: skip
     chosen = _FileInput(
-        None, spacing, origin, "", "", None, None, None, None, None if label is None else int(label), float(denoise)
+        None, spacing, origin, "", "", None, None, None, None, None if label is None else int(label), float(denoise), unit
     )
     description, delivered = _describe_array(described, chosen, direction, identify=False)
     with told_progress(progress, "extracting") as tell:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._attributes import Colors
-from ._errors import Error
-from ._query import ExtractReport, MeshQuality, Space, make_report, placement_of
+from ._errors import ArgumentError
+from ._query import Component, ExtractReport, MeshQuality, Space, make_report, placement_of
 
 if TYPE_CHECKING:
     import meshio
@@ -107,6 +107,14 @@ class Mesh:
         middle = self.points.mean(axis=0, dtype=np.float64) if len(self.points) else 0.0
         a, b, c = (self.points[self.faces[:, i]].astype(np.float64) - middle for i in range(3))
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+    def components(self) -> list[Component]:
+        """The connected pieces of the surface, the largest area first."""
+        return [Component(*one) for one in self._handle.components()[0]]
+
+    def component_of_faces(self) -> NDArray[np.uint32]:
+        """(m,): of each triangle the place of its piece in ``components()``."""
+        return self._handle.components()[1]
 
     def check(self) -> MeshQuality:
         """Whether the mesh is closed, manifold and oriented, triangles that cross or have no area, angles and
@@ -204,7 +212,7 @@ def save_together(
         as for ``Mesh.save``
     """
     if not meshes:
-        raise Error("there is no mesh to write; give one")
+        raise ArgumentError("there is no mesh to write; give one")
     are_labels = all(isinstance(key, int | np.integer) for key in meshes)
     objects = []
     for key, mesh in meshes.items():

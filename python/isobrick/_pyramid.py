@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import builtins
 import json
 import os
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Unpack
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._attributes import Colors
-from ._errors import Error
+from ._awaiting import awaited
+from ._errors import ArgumentError, Error, RangeError
 from ._level import Level
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
@@ -48,7 +50,7 @@ os.register_at_fork(after_in_child=_abandon_all)
 
 def _whole_path(path: str) -> str:
     # Absolute, so that it is the same file after a change of folder, and in other processes.
-    return path if _core.is_remote_path(path) else os.path.abspath(path)
+    return path if _core.is_remote_path(path) or path.startswith("phantom:") else os.path.abspath(path)
 
 
 def _default_cache_folder() -> str:
@@ -132,6 +134,14 @@ def merge(
 
 class Pyramid:
     """An open pyramid, a context manager. Open one with ``isobrick.open``.
+
+    >>> report = isobrick.build("phantom:sphere:32", "sphere.isb")
+    >>> with isobrick.open("sphere.isb") as pyramid:
+    ...     mesh = pyramid.extract(0)
+    >>> pyramid
+    <isobrick.Pyramid '...sphere.isb', closed>
+    >>> mesh.check().is_solid
+    True
 
     Arrays are [z, y, x]; points, focus, spacing and origin are (x, y, z) in world units. May be used by any
     number of threads. Pickles as its path: a copy in another process opens the file itself, and so does a
@@ -291,7 +301,7 @@ class Pyramid:
         """One level as an array [z, y, x]; 0 is the finest."""
         count = self._handle.levels()
         if not 0 <= level < count:
-            raise Error(f"level {level} is not one of 0 to {count - 1}", path=self._path, level=level)
+            raise RangeError(f"level {level} is not one of 0 to {count - 1}", path=self._path, level=level)
         return Level(self, level)
 
     def histogram(self) -> Histogram:
@@ -339,8 +349,8 @@ class Pyramid:
         threads
             0: all cores
         **choice
-            of ``Query``: focus, radius, level, view, curvature, or_finer, box, cap, simplify, drop_small, values,
-            attributes, indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
+            of ``Query``: focus, radius, level, view, curvature, or_finer, box, mask, clip, sphere, cap, simplify,
+            triangles, drop_small, keep_largest, drop_below, values, attributes, indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
         """
         query = query_of(isovalue, choice)
         pyramid = self
@@ -353,6 +363,31 @@ class Pyramid:
         finally:
             if pyramid is not self:
                 pyramid.close()
+
+    def extract_each(
+        self,
+        isovalues: Sequence[Isovalue],
+        *,
+        threads: int = 0,
+        progress: Progress = None,
+        cancel: _core.Cancel | None = None,
+        **choice: Unpack[Choice],
+    ) -> Iterator[Mesh]:
+        """The surfaces of several isovalues, one after the other, with the parameters of ``extract``."""
+        session = self.session()
+        for isovalue in isovalues:
+            yield session.extract(isovalue, threads=threads, progress=progress, cancel=cancel, **choice)
+
+    async def extract_async(self, isovalue: Isovalue | Query = "auto", **arguments: Any) -> Mesh:
+        """``extract`` for coroutines: ``mesh = await pyramid.extract_async(1324)``. Others run meanwhile. If the task
+        is cancelled, the extraction ends within some 50 ms."""
+        return await awaited(self.extract, isovalue, **arguments)
+
+    async def extract_to_async(
+        self, path: str | os.PathLike[str], isovalue: Isovalue | Query = "auto", **arguments: Any
+    ) -> ExtractReport:
+        """``extract_to`` for coroutines, as ``extract_async``."""
+        return await awaited(self.extract_to, path, isovalue, **arguments)
 
     def extract_to(
         self,
@@ -459,7 +494,7 @@ class Session:
         no ``values``."""
         query = query_of(isovalue, choice)
         if query.values is not None or query.attributes:
-            raise Error("a progressive query has no values; take those of extract()")
+            raise ArgumentError("a progressive query has no values; take those of extract()")
         settings = self._pyramid._settings(query, threads, None, cancel)
         while True:
             mesh = Mesh(self._handle.extract(settings, True))
@@ -477,8 +512,14 @@ def open(
     mmap: bool = True,
     cache_folder: str | os.PathLike[str] | None = None,
     cache_size: int | str = 0,
+    spacing: Triple | None = None,
+    select: Mapping[str, Any] | None = None,
 ) -> Pyramid:
     """Opens the pyramid ``path`` (``.isb``). Reads no brick, so it takes as long for any size.
+
+    A volume of any format of ``build``, a folder of DICOM or OME-Zarr behind a URL becomes a pyramid in
+    ``cache_folder`` first, by the command, which the wheel has, and is found there again; ``spacing`` is then (x, y, z)
+    in place of what the file says, and ``select`` chooses from several volumes: ``{"series": 2, "time": 0}``.
 
     Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
     stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
@@ -486,4 +527,27 @@ def open(
     ``path`` may be a URL: ``https://…``, ``http://…``, ``s3://bucket/key`` or ``gs://bucket/key``. ``cache_size``
     ("4G") keeps parts of it on disk, in ``cache_folder`` or the folder that ``isobrick cache`` lists; by default none stay.
     """
-    return Pyramid(path, memory, mmap, cache_folder, cache_size)
+    name = _whole_path(os.fspath(path))
+    if not _is_volume(name):
+        if spacing is not None or select is not None:
+            raise ArgumentError("spacing and select say how to read a volume; give them to build()")
+        return Pyramid(name, memory, mmap, cache_folder, cache_size)
+    from ._by_command import pyramid_of_volume
+
+    folder = os.path.abspath(os.fspath(cache_folder or _default_cache_folder()))
+    most = None if cache_folder else 8_000_000_000  # as of the command: the home folder is small
+    return Pyramid(pyramid_of_volume(name, byte_size(memory), folder, most, spacing, select), memory, mmap)
+
+
+def _is_volume(path: str) -> bool:
+    if path.startswith("phantom:"):
+        return True
+    if _core.is_remote_path(path):
+        return path.split("?")[0].rstrip("/").endswith((".zarr", ".ozx", ".zip"))
+    if os.path.isdir(path):
+        return not os.path.exists(os.path.join(path, "index.isb"))
+    try:
+        with builtins.open(path, "rb") as file:
+            return file.read(8) != b"ISOBRICK"
+    except OSError:
+        return not path.endswith((".isb", ".isbs")) and ".h5:" in path

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from . import _core
 from ._attributes import Attribute, FieldWish, HasValues, wishes_of
-from ._errors import Error
+from ._errors import ArgumentError
 
 Triple = tuple[float, float, float]
 Isovalue = float | Literal["auto"]
@@ -72,9 +72,9 @@ class Detail:
 
     def __post_init__(self) -> None:
         if (self.focus is None) != (self.radius is None):
-            raise Error("focus and radius belong together; give both, or neither")
+            raise ArgumentError("focus and radius belong together; give both, or neither")
         if self.focus is not None and len(self.focus) != 3:
-            raise Error(f"the focus {self.focus} is not three numbers, (x, y, z)")
+            raise ArgumentError(f"the focus {self.focus} is not three numbers, (x, y, z)")
 
 
 class Choice(TypedDict, total=False):
@@ -92,7 +92,10 @@ class Choice(TypedDict, total=False):
     sphere: ArrayLike | None
     cap: bool
     simplify: float | None
+    triangles: int | None
     drop_small: bool
+    keep_largest: int | None
+    drop_below: float | None
     values: HasValues | None
     attributes: Mapping[str, Attribute]
     indices: bool
@@ -106,6 +109,14 @@ class Query:
 
     focus, radius, box, clip and sphere are (x, y, z) in world units, or voxel indices (x, y, z) with
     ``indices=True``; so is the distance of ``simplify``.
+
+    >>> from dataclasses import replace
+    >>> bone = Query(1324, focus=(75, 30, 75), radius=20)
+    >>> replace(bone, radius=40).radius
+    40
+    >>> Query(1324, focus=(75, 30, 75))
+    Traceback (most recent call last):
+    isobrick._errors.ArgumentError: focus and radius belong together; give both, or neither
 
     Parameters
     ----------
@@ -136,8 +147,15 @@ class Query:
         that of a solid, and ``Mesh.caps`` says which triangles do so. Beside voxels without data it stays open
     simplify
         fewer triangles, within this distance
+    triangles
+        at most so many, in place of the distance, which is looked for: the surface is extracted some ten times
     drop_small
         leaves out pieces within one brick whose box has a diagonal below that distance
+    keep_largest
+        only so many connected pieces, those that enclose the most, with their cavities; with a box or another cut those
+        of the largest area
+    drop_below
+        only connected pieces of at least this area, in squares of the world's unit
     values
         another pyramid: its values at the points become ``Mesh.values``
     attributes
@@ -163,7 +181,10 @@ class Query:
     sphere: ArrayLike | None = None
     cap: bool = False
     simplify: float | None = None
+    triangles: int | None = None
     drop_small: bool = False
+    keep_largest: int | None = None
+    drop_below: float | None = None
     values: HasValues | None = None
     attributes: Mapping[str, Attribute] = field(default_factory=dict, hash=False)
     indices: bool = False
@@ -172,9 +193,15 @@ class Query:
     def __post_init__(self) -> None:
         self._detail()
         if self.inside not in ("above", "below", "auto"):
-            raise Error(f"inside is {self.inside!r}; give 'above', 'below' or 'auto'")
-        if self.drop_small and self.simplify is None:
-            raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
+            raise ArgumentError(f"inside is {self.inside!r}; give 'above', 'below' or 'auto'")
+        if self.simplify is not None and self.triangles is not None:
+            raise ArgumentError("simplify is a distance, and triangles looks for one; give one of them")
+        if self.drop_small and self.simplify is None and self.triangles is None:
+            raise ArgumentError("drop_small goes with simplify, the distance below which a piece is small; give both")
+        for name in ("triangles", "keep_largest"):
+            number = getattr(self, name)
+            if number is not None and number < 1:
+                raise ArgumentError(f"{name}={number} is not above 0")
 
     def _detail(self) -> Detail:
         return Detail(self.focus, self.radius, self.level, self.view, self.curvature)
@@ -200,7 +227,7 @@ def _mask_of(given: Any) -> tuple[Any, float | None]:
         return mask._handle, None if value is None else float(value)
     array = np.asarray(mask)
     if array.ndim != 3:
-        raise Error("a mask is a pyramid or an array [z, y, x], or (mask, value)")
+        raise ArgumentError("a mask is a pyramid or an array [z, y, x], or (mask, value)")
     inside = array != 0 if value is None else array == value  # exact for numbers of any type
     return np.ascontiguousarray(inside).view(np.uint8), None
 
@@ -214,7 +241,7 @@ def _rows_of(what: str, given: ArrayLike | None, counts: tuple[int, ...]) -> lis
         rows = rows.reshape(*rows.shape[:-2], 6)
     rows = np.atleast_2d(rows)
     if rows.ndim != 2 or rows.shape[1] not in counts:
-        raise Error(f"{what}={given!r} is not {' or '.join(map(str, counts))} numbers, or several of these")
+        raise ArgumentError(f"{what}={given!r} is not {' or '.join(map(str, counts))} numbers, or several of these")
     listed: list[list[float]] = rows.tolist()
     return listed
 
@@ -247,7 +274,10 @@ class _QuerySettings:
     region: _Region
     cap: bool
     simplify: float | None
+    triangles: int | None
     drop_small: bool
+    keep_largest: int | None
+    drop_below: float | None
     attributes: list[FieldWish]
     threads: int
     progress: Any
@@ -265,7 +295,8 @@ def settings_of(
         (ax, ay, az), (bx, by, bz) = query.box
         box = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
     return _QuerySettings(
-        isovalue, query._detail(), query.indices, query.or_finer, box, _region_of(query), query.cap, query.simplify, query.drop_small,
+        isovalue, query._detail(), query.indices, query.or_finer, box, _region_of(query), query.cap, query.simplify, query.triangles,
+        query.drop_small, query.keep_largest, query.drop_below,
         wishes_of(query.values, query.attributes), threads, progress, cancel, part,
         query.inside == "below",
     )  # fmt: skip
@@ -274,7 +305,7 @@ def settings_of(
 def placement_of(space: Space, unit: str | None, shift: Sequence[float]) -> tuple[str, str, Triple]:
     """Where a mesh lies, as the library takes it."""
     if space not in ("LPS", "RAS", "index"):
-        raise Error(f"the space is {space!r}; give 'LPS', 'RAS' or 'index'")
+        raise ArgumentError(f"the space is {space!r}; give 'LPS', 'RAS' or 'index'")
     x, y, z = shift
     return space, unit or "", (float(x), float(y), float(z))
 
@@ -336,6 +367,23 @@ class MeshQuality:
     #: Longest side times perimeter over 4 sqrt(3) areas: 1 for equal sides.
     mean_aspect: float
     worst_aspect: float
+
+
+@dataclass(frozen=True)
+class Component:
+    """A connected piece of a surface, in world units."""
+
+    triangles: int
+    area: float
+    #: Enclosed, below 0 for the wall of a hollow; None if the piece has a border.
+    volume: float | None
+    #: The same with the border of the volume as a wall; None if a box or another cut leaves it open.
+    enclosed: float | None
+    #: Corners of the least box around it, (x, y, z).
+    lower: Triple
+    upper: Triple
+    #: Centre of gravity of the surface.
+    center: Triple
 
 
 def make_report(facts: dict[str, Any]) -> ExtractReport:

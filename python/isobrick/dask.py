@@ -161,7 +161,7 @@ def extract(
     """
     name = os.path.abspath(os.fspath(out))
     if not force and os.path.exists(name):
-        raise Error(f"'{name}' exists; give force=True to replace it", path=name)
+        raise isobrick.ExistsError(f"'{name}' exists; give force=True to replace it", path=name)
     dask_client = _client_or_current(client)
     path, query = _path_and_query(pyramid, query_of(isovalue, choice))
     count = parts or 4 * max(1, sum(dask_client.nthreads().values()))

@@ -66,8 +66,9 @@ std::string textOf(const Error& error) {
   return text;
 }
 
+// `name`: of a class, or of a function that returns an exception.
 void raise(const char* name, const Error& error) {
-  const nb::object type = nb::module_::import_("isobrick._errors").attr(name);
+  const nb::object make = nb::module_::import_("isobrick._errors").attr(name);
   const ErrorPlace& place = error.place();
   nb::object path = nb::none(), offset = nb::none(), level = nb::none(), brick = nb::none();
   if (!place.path.empty())
@@ -77,8 +78,8 @@ void raise(const char* name, const Error& error) {
   if (place.level) level = nb::cast(*place.level);
   if (place.brick) brick = nb::make_tuple(place.brick->x, place.brick->y, place.brick->z);
   const nb::object text = nb::steal(PyUnicode_DecodeFSDefault(textOf(error).c_str()));
-  const nb::object exception = type(text, path, offset, level, brick);
-  PyErr_SetObject(type.ptr(), exception.ptr());
+  const nb::object exception = make(text, path, offset, level, brick);
+  PyErr_SetObject(exception.type().ptr(), exception.ptr());
 }
 
 }  // namespace
@@ -90,7 +91,7 @@ void translateErrors() {
     } catch (const Cancelled& error) {
       raise("Cancelled", error);
     } catch (const Error& error) {
-      raise("Error", error);
+      raise("error_of", error);
     }
   });
 }

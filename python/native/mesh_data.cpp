@@ -47,6 +47,9 @@ class PartBatches {
   void fill(const SurfaceMesh::Part& part, MeshBatch& batch) {
     batch.clear();
     batch.level = part.level;
+    // Whatever tells the parts apart.
+    const auto number = static_cast<std::int64_t>(&part - mesh_.parts().data());
+    batch.brick = {number & 0x7ffff, number >> 19, 0};
     batch.cap_indices = static_cast<std::size_t>(3 * part.caps);
     batch.origin = part.origin;
     const auto first = static_cast<std::size_t>(part.first_vertex);
@@ -87,7 +90,27 @@ class PartBatches {
   std::vector<bool> is_shared_;
 };
 
+// Of every triangle the component that its vertices have.
+class TriangleComponents : public TriangleSink {
+ public:
+  explicit TriangleComponents(std::vector<std::uint32_t>& out) : out_(out) {}
+  void place(PlacedBatch& placed) override {
+    for (std::size_t i = 0; i < placed.batch.triangles.size(); i += 3)
+      out_.push_back(placed.components[placed.batch.triangles[i]]);
+  }
+
+ private:
+  std::vector<std::uint32_t>& out_;
+};
+
 }  // namespace
+
+std::vector<std::uint8_t> PieceChoice::keptOf(const SurfaceComponents& all) const {
+  if (largest) return all.largest(*largest, least_area.value_or(0));
+  std::vector<std::uint8_t> is_kept(all.list().size(), 0);
+  std::fill_n(is_kept.begin(), all.countFrom(least_area.value_or(0)), std::uint8_t{1});
+  return is_kept;
+}
 
 RoomyBytes::~RoomyBytes() {
   if (data_ != nullptr) ::munmap(data_, bytes_);
@@ -107,9 +130,10 @@ std::byte* RoomyBytes::room(std::size_t bytes) {
   return data_;
 }
 
-void MeshData::filled(const MeshFrame& frame, const ExtractionReport& report,
+void MeshData::filled(const MeshFrame& frame, const Query& query, const ExtractionReport& report,
                       std::vector<MeshField> fields) {
   frame_ = frame;
+  is_cut_ = query.box || !query.region.isEverywhere();
   report_ = report;
   fields_ = std::move(fields);
   value_bytes_.clear();
@@ -223,6 +247,29 @@ MeshQuality MeshData::check(const CancelFlag* cancel) const {
   MeshCheck check(counting);
   passTo(check, cancel);
   return check.quality();
+}
+
+SurfaceComponents MeshData::components(std::vector<std::uint32_t>& of_triangle,
+                                       const CancelFlag* cancel) const {
+  Query query;
+  query.cap = frame_.has_caps;
+  if (is_cut_) query.box.emplace();
+  ComponentFinder finder(query);
+  passTo(finder, cancel);
+  SurfaceComponents components = finder.take();
+  TriangleComponents numbers(of_triangle);
+  ComponentFilter filter(components, components.list().size(), numbers);
+  passTo(filter, cancel);
+  return components;
+}
+
+void MeshData::keepPieces(const PieceChoice& choice, const CancelFlag* cancel) {
+  std::vector<std::uint32_t> of_triangle;
+  const std::vector<std::uint8_t> pieces = choice.keptOf(components(of_triangle, cancel));
+  std::vector<std::uint8_t> is_kept(of_triangle.size());
+  for (std::size_t t = 0; t < is_kept.size(); ++t) is_kept[t] = pieces[of_triangle[t]];
+  surface_.keep(is_kept);
+  report_.triangles = triangles();
 }
 
 }  // namespace isobrick::python

@@ -40,6 +40,16 @@ struct MeshField {
 // As mesh files take them.
 std::vector<VertexAttribute> attributesOf(const std::vector<MeshField>& fields);
 
+// The connected pieces that a query keeps: `keep_largest` and `drop_below` of Python.
+struct PieceChoice {
+  std::optional<std::size_t> largest;
+  std::optional<double> least_area;
+
+  bool isGiven() const { return largest || least_area; }
+  // An entry for each of the list, as SurfaceComponents::largest() has it.
+  std::vector<std::uint8_t> keptOf(const SurfaceComponents& all) const;
+};
+
 // An extracted mesh, and what is made of it when it is first asked for. One thread at a time makes
 // it; afterwards any number may read.
 class MeshData {
@@ -47,7 +57,7 @@ class MeshData {
   // For extractions to fill, before anything else is asked for.
   SurfaceMesh& surface() { return surface_; }
   // To be called after every extraction. A mesh holds on to its fields.
-  void filled(const MeshFrame& frame, const ExtractionReport& report,
+  void filled(const MeshFrame& frame, const Query& query, const ExtractionReport& report,
               std::vector<MeshField> fields);
 
   const ExtractionReport& report() const { return report_; }
@@ -76,10 +86,16 @@ class MeshData {
   // All batches into a sink.
   void passTo(TriangleSink& sink, const CancelFlag* cancel) const;
   MeshQuality check(const CancelFlag* cancel) const;
+  // Its connected pieces; `of_triangle`: of every triangle the place in the list.
+  SurfaceComponents components(std::vector<std::uint32_t>& of_triangle,
+                               const CancelFlag* cancel) const;
+  // Forgets the others. To be called after filled().
+  void keepPieces(const PieceChoice& choice, const CancelFlag* cancel);
 
  private:
   SurfaceMesh surface_;
   MeshFrame frame_;
+  bool is_cut_ = false;  // by a box or a region
   ExtractionReport report_;
   std::vector<MeshField> fields_;
   std::vector<std::unique_ptr<RoomyBytes>> value_bytes_;  // of each field; null: not asked for yet

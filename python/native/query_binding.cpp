@@ -168,6 +168,10 @@ MeshPlacement readPlacement(const PlacementTuple& from) {
           unit, vectorOf(shift)};
 }
 
+PieceChoice readPieces(const nb::object& from) {
+  return {optionalOf<std::size_t>(from, "keep_largest"), optionalOf<double>(from, "drop_below")};
+}
+
 // (i, n), i from 1; nothing for the whole surface.
 std::optional<ShareNumber> readPart(const nb::object& from) {
   const auto part = optionalOf<std::array<std::uint32_t, 2>>(from, "part");
@@ -430,6 +434,26 @@ nb::object checkMesh(const MeshHandle& mesh) {
   return result;
 }
 
+// The list of pieces, and of every triangle its place in the list.
+nb::object meshComponents(const MeshHandle& mesh) {
+  auto numbers = std::make_unique<std::vector<std::uint32_t>>();
+  SurfaceComponents components;
+  runInterruptibly(
+      {}, [&](CallState& state) { components = mesh.data->components(*numbers, &state.cancel()); });
+  nb::list list;
+  const auto tupleOf = [](const glm::dvec3& v) { return nb::make_tuple(v.x, v.y, v.z); };
+  for (const SurfaceComponent& one : components.list())
+    list.append(nb::make_tuple(one.triangles, one.area, one.volume, one.enclosed,
+                               tupleOf(one.lower), tupleOf(one.upper), tupleOf(one.center)));
+  const std::size_t shape[] = {numbers->size()};
+  const std::uint32_t* const data = numbers->data();
+  const nb::capsule owner(numbers.release(), [](void* p) noexcept {
+    delete static_cast<std::vector<std::uint32_t>*>(p);
+  });
+  return nb::make_tuple(
+      list, nb::ndarray<nb::numpy, const std::uint32_t, nb::ndim<1>>(data, 1, shape, owner));
+}
+
 // By their names.
 nb::object meshAttributes(const MeshHandle& mesh) {
   nb::dict result;
@@ -471,6 +495,8 @@ class Session {
     query.is_progressive = is_progressive;
     const CallOptions call = readCall(settings);
     const std::vector<FieldWish> wishes = readFields(settings);
+    const auto most_triangles = optionalOf<std::uint64_t>(settings, "triangles");
+    const PieceChoice pieces = readPieces(settings);
     std::shared_ptr<MeshData> mesh;
     runInterruptibly(call, [&](CallState& state) {
       const std::lock_guard lock(mutex());
@@ -478,10 +504,13 @@ class Session {
       query.fraction_done = &state.fraction();
       std::vector<MeshField> fields =
           fieldsOf(wishes, query, pyramid_, &extractor(), state.cancel());
+      if (most_triangles) query.simplify = findSimplification(extractor(), query, *most_triangles);
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), report, std::move(fields));
+      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), query, report,
+                   std::move(fields));
+      if (pieces.isGiven()) mesh->keepPieces(pieces, &state.cancel());
     });
     return {std::move(mesh)};
   }
@@ -497,6 +526,8 @@ class Session {
     const auto part = readPart(settings);
     const bool is_share = std::filesystem::path(path).extension() == kMeshShareEnding;
     const std::vector<FieldWish> wishes = readFields(settings);
+    const auto most_triangles = optionalOf<std::uint64_t>(settings, "triangles");
+    const PieceChoice pieces = readPieces(settings);
     const MeshPlacement placed = readPlacement(placement);
     if (is_share && (!part || !wishes.empty() || zlib || meshopt || placed != MeshPlacement()))
       throw Error("'" + path +
@@ -515,6 +546,13 @@ class Session {
       query.fraction_done = &state.fraction();
       const std::vector<MeshField> fields =
           fieldsOf(wishes, query, pyramid_, &extractor(), state.cancel());
+      if (most_triangles) query.simplify = findSimplification(extractor(), query, *most_triangles);
+      std::optional<SurfaceComponents> components;
+      if (pieces.isGiven()) {
+        ComponentFinder finder(query);
+        extractor().extract(query, finder);
+        components = finder.take();
+      }
       const ExtractionPlan plan = extractor().plan(query);
       const ShareNumber share = part.value_or(ShareNumber());
       const auto sink = is_share ? makeMeshShareSink(path, *pyramid_, plan, share, &state.cancel())
@@ -525,7 +563,10 @@ class Session {
                                                            .zlib = zlib,
                                                            .meshopt = meshopt});
       const NumberRun run = bricksOf(plan, share);
-      report = extractor().execute(plan, run.first, run.count, *sink);
+      std::optional<ComponentFilter> filter;
+      if (components) filter.emplace(*components, pieces.keptOf(*components), *sink);
+      report = extractor().execute(plan, run.first, run.count,
+                                   filter ? static_cast<TriangleSink&>(*filter) : *sink);
       vertices = sink->vertices();
     });
     const nb::object result = reportOf(report);
@@ -634,13 +675,15 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
   Query query = readQuery(settings, info.geometry, info.voxels);
   const CallOptions call = readCall(settings);
   const std::vector<FieldWish> wishes = readFields(settings);
+  const PieceChoice pieces = readPieces(settings);
   const std::shared_ptr<MeshData> mesh = idle->take();
   runInterruptibly(call, [&](CallState& state) {
     query.cancel = &state.cancel();
     query.fraction_done = &state.fraction();
     std::vector<MeshField> fields = fieldsOf(wishes, query, nullptr, nullptr, state.cancel());
     const ExtractionReport report = extract(query, mesh->surface(), state);
-    mesh->filled(frameOf(info.geometry, info.voxels, query), report, std::move(fields));
+    mesh->filled(frameOf(info.geometry, info.voxels, query), query, report, std::move(fields));
+    if (pieces.isGiven()) mesh->keepPieces(pieces, &state.cancel());
   });
   idle->forgetIfLarge(*mesh);
   return nb::cast(MeshHandle{mesh});
@@ -680,6 +723,9 @@ void bindQueries(nb::module_& module) {
           nb::sig("def caps(self) -> numpy.typing.NDArray[numpy.bool_]"))
       .def("attributes", &meshAttributes,
            nb::sig("def attributes(self) -> dict[str, numpy.typing.NDArray[typing.Any]]"))
+      .def("components", &meshComponents,
+           nb::sig("def components(self) -> tuple[list[tuple[typing.Any, ...]], "
+                   "numpy.typing.NDArray[numpy.uint32]]"))
       .def("check", &checkMesh, nb::sig("def check(self) -> dict[str, typing.Any]"))
       .def(
           "report", [](const MeshHandle& m) { return reportOf(m.data->report()); },

@@ -103,7 +103,7 @@ def test_metadata_are_those_of_the_specification(command: Command, tmp_path: Pat
     isobrick.build("phantom:head:96", tmp_path / "head.isb")
     for version, expected in ((3, "0.5"), (2, "0.4")):
         out = tmp_path / f"{expected}.ome.zarr"
-        command("convert", tmp_path / "head.isb", "-o", out, "--levels", "all", "--zarr-version", version)
+        command("convert", tmp_path / "head.isb", "-o", out, "--all-levels", "--zarr-version", version)
         group = zarr.open_group(out, mode="r")
         image = open_ome_zarr(group)
         assert image.ome_zarr_version == expected
@@ -118,7 +118,7 @@ def test_parts_make_the_same_bytes(command: Command, tmp_path: Path) -> None:
     values = volume("uint16")
     write_nrrd(tmp_path / "in.nrrd", values)
     command("build", tmp_path / "in.nrrd", "-o", tmp_path / "in.isb")
-    for source, more in (("in.nrrd", ()), ("in.isb", ("--levels", "all"))):
+    for source, more in (("in.nrrd", ()), ("in.isb", ("--all-levels",))):
         whole, out = tmp_path / f"whole-{source}.ome.zarr", tmp_path / f"{source}.ome.zarr"
         words = ("convert", tmp_path / source, "--zarr-shard", 64, *more)
         command(*words, "-o", whole)

@@ -49,5 +49,9 @@ run(${CHECK_MESH} refined.ply --box 0 0 0 255 255 255)
 example(stream_passes "radius 8: [1-9][0-9]* triangles" "radius 24: [1-9]" "radius 200: [1-9][0-9]+ triangles, [0-9]+ of them new\n$")
 run(${CHECK_MESH} streamed.ply --box 0 0 0 127 127 127)
 
+if(EXISTS ${BIN}/isosurface_node)
+  example(isosurface_node "whole: [1-9][0-9]+ triangles" "half of it, closed: [1-9]" "around the focus: [1-9]")
+endif()
+
 example(build_and_verify "  0 %" " 75 %" "bricks in [0-9]+ bytes" "0 faults as it was built"
         "damaged.isb: brick \\(0,0,0\\) of level 0: " "1 faults in the damaged copy")

@@ -236,7 +236,7 @@ TEST_F(CacheCommandTest, WhatIsDamagedIsBuiltAgain) {
 TEST_F(CacheCommandTest, AFileAloneIsOpenedInTheViewer) {
   std::ofstream(path("script.json"))
       << R"({"size": [120, 90], "steps": [{"wait": "settled"}, {"picture": "a.png"}]})";
-  runWell({"sphere.nrrd", "--offscreen", "--script", "script.json", "--frames", "frames"});
+  runWell({"sphere.nrrd", "--offscreen", "--script", "script.json", "--out-dir", "frames"});
   EXPECT_GT(fs::file_size(path("frames/a.png")), 100u);
   expectFailure(2, {"missing.nrrd"}, "unknown subcommand or option 'missing.nrrd'");
 }

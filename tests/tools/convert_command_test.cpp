@@ -128,7 +128,7 @@ TEST_F(ConvertCommandTest, WrongWordsAreRefusedBeforeAnythingIsWritten) {
   usage({"head.isb", "-o", "a.nii", "--type", "u8"}, "--window");
   usage({"head.isb", "-o", "a.nii", "--window", "0,9"}, "--type");
   usage({"head.isb", "-o", "a.nii", "--window", "9,0", "--type", "u8"}, "lower value");
-  usage({"head.isb", "-o", "a.isb", "--levels", "all"}, "--levels is for .vdb and .ome.zarr");
+  usage({"head.isb", "-o", "a.isb", "--all-levels"}, "--all-levels is for .vdb and .ome.zarr");
   usage({"head.isb", "-o", "a.nrrd", "--with-ranges"}, "--with-ranges is for .vdb");
   usage({"head.nrrd", "-o", "a.vdb", "--with-curvature"}, "--with-curvature is for pyramids");
   usage({"head.isb", "-o", "a.vdb", "--with-ranges", "--spacing", "1,1,2"}, "leave out");
@@ -139,7 +139,7 @@ TEST_F(ConvertCommandTest, WrongWordsAreRefusedBeforeAnythingIsWritten) {
     expectFailure(1, words, message);
   };
   failure({"head.isb", "-o", "a.foo"}, "'a.foo'");
-  usage({"head.isb", "-o", "a.nii", "--levels", "all"}, "--levels is for .vdb and .ome.zarr");
+  usage({"head.isb", "-o", "a.nii", "--all-levels"}, "--all-levels is for .vdb and .ome.zarr");
   failure({"head.isb", "-o", "a.nii", "--level", "9"}, "0 to 6");
   failure({"head.isb", "-o", "head.nrrd"}, "--force");
   failure({"head.isb", "-o", "head.isb", "--force"}, "is the input");

@@ -36,7 +36,7 @@ PYTHON
 dd if="$pyramid" iflag=nocache count=0 status=none
 make_group "$limit"
 in_group "$ISOBRICK" view "$pyramid" --offscreen --memory "${memory_mib}M" \
-  --gpu-memory "${gpu_memory_mib}M" --script "$work/drag.json" --frames "$work" --report "$work/report.json" ||
+  --gpu-memory "${gpu_memory_mib}M" --script "$work/drag.json" --out-dir "$work" --report "$work/report.json" ||
   { echo "failed with status $? (137: killed for its memory)"; exit 1; }
 [ -z "$group" ] || echo "in the group at most $(($(cat "$peak_file") >> 20)) of $limit MiB, pages of files included"
 [ -z "${ISOBRICK_REPORT:-}" ] || cp "$work/report.json" "$ISOBRICK_REPORT"

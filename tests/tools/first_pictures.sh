@@ -13,7 +13,7 @@ picture() {
   "$isobrick" build "$2" -o "$out/$1.isb" --no-curvature --rebuild > /dev/null
   "$isobrick" render "$out/$1.isb" --iso auto --size 320x320 -o "$out/$1.png" --force 2> "$out/$1.txt" > /dev/null
   printf '{"size": [960, 640], "steps": [{"wait": "settled"}, {"wait": 0.5}, {"frame": "%s-window.png"}]}' "$1" > "$out/$1.json"
-  "$isobrick" view "$out/$1.isb" --offscreen --script "$out/$1.json" --frames "$out" --force > /dev/null
+  "$isobrick" view "$out/$1.isb" --offscreen --script "$out/$1.json" --out-dir "$out" --force > /dev/null
   echo "$1: $("$isobrick" info "$out/$1.isb" | sed -n 's/^isovalues *//p')"
 }
 

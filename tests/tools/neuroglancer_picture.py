@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Pictures of a volume and its meshes by Neuroglancer itself, in a Chromium without a window.
 
-    isobrick convert scan.isb --levels all -o scan.ome.zarr
+    isobrick convert scan.isb --all-levels -o scan.ome.zarr
     isobrick extract scan.isb --iso 1250 -o bone.precomputed
     neuroglancer_picture.py scan.ome.zarr bone.precomputed OUT.png [VOXELS_ACROSS [SURFACE_ONLY]]
 

@@ -168,8 +168,8 @@ TEST_F(OutputRuleTest, AScriptedViewReplacesNothing) {
   writeBytes(path("script.json"),
              R"({"size": [160, 120], "steps": [{"wait": "settled"}, {"frame": "a.png"}]})");
   fs::create_directories(path("frames"));
-  const Words view{"view",     "head.isb", "--offscreen", "--script",   "script.json",
-                   "--frames", "frames",   "--report",    "report.json"};
+  const Words view{"view",      "head.isb", "--offscreen", "--script",   "script.json",
+                   "--out-dir", "frames",   "--report",    "report.json"};
   for (const std::string file : {"frames/a.png", "report.json"}) {
     writeBytes(path(file), "precious");
     expectRefused(view, file);

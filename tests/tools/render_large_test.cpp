@@ -84,7 +84,8 @@ TEST_F(LargeRenderTest, APictureOfTheWindowIsTheOneOfItsState) {
       {"state": "view.json"}, {"picture": "large.png"}, {"picture": "large.exr"},
       {"wait": "settled"},
       {"set": {"pictures": {"times": 1}}}, {"wait": "settled"}, {"picture": "small.png"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--frames", "frames"});
+  runWell(
+      {"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--out-dir", "frames"});
   const std::string fine = runWell({"render", "sphere.isb", "--state", "frames/view.json", "--size",
                                     "640x480", "-o", "same.png"});
   runWell({"render", "sphere.isb", "--state", "frames/view.json", "--size", "640x480", "-o",
@@ -109,7 +110,8 @@ TEST_F(LargeRenderTest, APictureIsThatOfTheMomentItWasOrdered) {
       {"set": {"pictures": {"times": 16}}}, {"wait": "settled"},
       {"state": "view.json"}, {"picture": "large.png"}, {"lose_context": true},
       {"sweep": {"isovalue": [0, 4], "seconds": 0.3}}, {"wait": "settled"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--frames", "frames"});
+  runWell(
+      {"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--out-dir", "frames"});
   runWell({"render", "sphere.isb", "--state", "frames/view.json", "--size", "2560x1920", "-o",
            "same.png"});
   EXPECT_TRUE(readBytes(path("frames/large.png")) == readBytes(path("same.png")));

@@ -1,4 +1,4 @@
-// `isobrick render --pictures`: turntables, paths from view to view, movies, and sizes of prints.
+// `isobrick render --frames`: turntables, paths from view to view, movies, and sizes of prints.
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
@@ -45,26 +45,26 @@ class RenderSequenceTest : public CommandTest {
 };
 
 TEST_F(RenderSequenceTest, ATurntableIsAFolderOfDifferentPictures) {
-  renderWell({"--pictures", "4", "-o", "turn/%03d.png"});
+  renderWell({"--frames", "4", "-o", "turn/%03d.png"});
   std::set<std::string> pictures;
   for (const char* name : {"turn/001.png", "turn/002.png", "turn/003.png", "turn/004.png"})
     pictures.insert(readBytes(path(name)));
   EXPECT_EQ(pictures.size(), 4u);
   EXPECT_FALSE(fs::exists(path("turn/005.png")));
   // Half a turn further on it is the same as from there.
-  renderWell({"--pictures", "2", "--azimuth", "205", "-o", "half/%d.png"});
+  renderWell({"--frames", "2", "--azimuth", "205", "-o", "half/%d.png"});
   EXPECT_EQ(readBytes(path("half/1.png")), readBytes(path("turn/003.png")));
   EXPECT_EQ(readBytes(path("half/2.png")), readBytes(path("turn/001.png")));
 }
 
 TEST_F(RenderSequenceTest, NothingIsReplacedUnlessAsked) {
-  renderWell({"--pictures", "3", "-o", "turn/%d.png"});
-  EXPECT_EQ(render({"--pictures", "2", "-o", "turn/%d.png"}).status, 1);
+  renderWell({"--frames", "3", "-o", "turn/%d.png"});
+  EXPECT_EQ(render({"--frames", "2", "-o", "turn/%d.png"}).status, 1);
   EXPECT_TRUE(fs::exists(path("turn/3.png")));
-  renderWell({"--pictures", "2", "-o", "turn/%d.png", "--force"});
+  renderWell({"--frames", "2", "-o", "turn/%d.png", "--force"});
   EXPECT_FALSE(fs::exists(path("turn/3.png")));
   std::ofstream(path("turn/notes.txt")) << "mine";
-  const Outcome refused = render({"--pictures", "2", "-o", "turn/%d.png", "--force"});
+  const Outcome refused = render({"--frames", "2", "-o", "turn/%d.png", "--force"});
   checkFailure(refused, 1, "something else");
   EXPECT_TRUE(fs::exists(path("turn/notes.txt")));
 }
@@ -72,7 +72,7 @@ TEST_F(RenderSequenceTest, NothingIsReplacedUnlessAsked) {
 TEST_F(RenderSequenceTest, APathGoesFromViewToView) {
   writeView("a.json", 0.0);
   writeView("b.json", 90.0);
-  runWell({"render", "head.isb", "--state", "a.json", "--state", "b.json", "--pictures", "3",
+  runWell({"render", "head.isb", "--state", "a.json", "--state", "b.json", "--frames", "3",
            "--size", "64x48", "-o", "path/%d.png"});
   writeView("middle.json", 45.0);
   int number = 0;
@@ -82,7 +82,7 @@ TEST_F(RenderSequenceTest, APathGoesFromViewToView) {
               readBytes(path("path/" + std::to_string(++number) + ".png")))
         << view;
   }
-  runWell({"render", "head.isb", "--state", "a.json", "--pictures", "8", "--size", "64x48", "-o",
+  runWell({"render", "head.isb", "--state", "a.json", "--frames", "8", "--size", "64x48", "-o",
            "turn/%d.png"});
   EXPECT_EQ(readBytes(path("turn/3.png")), readBytes(path("path/3.png")));
 }
@@ -93,20 +93,20 @@ TEST_F(RenderSequenceTest, AMovieIsMadeByFfmpeg) {
 while [ $# -gt 1 ]; do [ "$1" = -i ] && in="${2#file:}"; shift; done
 cat "$in" > "${1#file:}"
 )");
-  renderWell({"--pictures", "3", "--pictures-per-second", "12.5", "-o", "turn.mp4"});
-  renderWell({"--pictures", "3", "-o", "turn/%d.png"});
+  renderWell({"--frames", "3", "--fps", "12.5", "-o", "turn.mp4"});
+  renderWell({"--frames", "3", "-o", "turn/%d.png"});
   EXPECT_EQ(readBytes(path("turn.mp4")), readBytes(path("turn/1.png")) +
                                              readBytes(path("turn/2.png")) +
                                              readBytes(path("turn/3.png")));
   EXPECT_NE(readBytes(log_.file("words")).find("-framerate 12.5"), std::string::npos);
-  EXPECT_EQ(render({"--pictures", "3", "-o", "turn.mp4"}).status, 1);  // it exists
+  EXPECT_EQ(render({"--frames", "3", "-o", "turn.mp4"}).status, 1);  // it exists
   EXPECT_EQ(files(), (std::set<std::string>{"head.isb", "head.nrrd", "turn", "turn.mp4",
                                             "turn/1.png", "turn/2.png", "turn/3.png"}));
 }
 
 TEST_F(RenderSequenceTest, WithoutAMovieNothingRemains) {
-  const Words words{"render", "head.isb",   "--iso", "500", "--size",
-                    "64x48",  "--pictures", "2",     "-o",  "m.mp4"};
+  const Words words{"render", "head.isb", "--iso", "500", "--size",
+                    "64x48",  "--frames", "2",     "-o",  "m.mp4"};
   putFfmpeg("echo 'Unknown encoder' >&2; exit 1\n");
   expectFailure(1, words, "Unknown encoder");
   setenv("PATH", work_.path().c_str(), 1);
@@ -120,19 +120,19 @@ TEST_F(RenderSequenceTest, WrongUseSaysWhatIsMissing) {
     const int status = message == "folder of their own" ? 1 : 2;
     expectFailure(status, words, message);
   };
-  expect({"-o", "turn/%d.png"}, "--pictures");
-  expect({"-o", "turn.mp4"}, "--pictures");
-  expect({"-o", "turn.png", "--pictures", "1"}, "--pictures");
-  expect({"-o", "turn%d.png", "--pictures", "4"}, "folder of their own");
-  expect({"-o", "a.png", "--pictures", "4"}, "folder of their own");
-  expect({"-o", "t/%d.png", "--pictures", "4", "--eye", "0,-99,0", "--look-at", "24,24,24"},
+  expect({"-o", "turn/%d.png"}, "--frames");
+  expect({"-o", "turn.mp4"}, "--frames");
+  expect({"-o", "turn.png", "--frames", "1"}, "--frames");
+  expect({"-o", "turn%d.png", "--frames", "4"}, "folder of their own");
+  expect({"-o", "a.png", "--frames", "4"}, "folder of their own");
+  expect({"-o", "t/%d.png", "--frames", "4", "--eye", "0,-99,0", "--look-at", "24,24,24"},
          "--look-at");
-  expect({"-o", "a.png", "--pictures-per-second", "9"}, "--pictures");
+  expect({"-o", "a.png", "--fps", "9"}, "--frames");
   expect({"-o", "a.png", "--size", "0x5mm"}, "millimetres");
   expect({"-o", "a.png", "--dpi", "0"}, "--dpi");
   writeView("a.json", 0.0);
   expectFailure(2, {"render", "head.isb", "--state", "a.json", "--state", "a.json", "-o", "a.png"},
-                "--pictures");
+                "--frames");
 }
 
 // Width, height and pixels per metre of a PNG file; 0 without them.

@@ -114,9 +114,9 @@ TEST_F(RenderSurfacesTest, StepsOfTimeAreOnePictureEach) {
   EXPECT_EQ(renderSteps("steps/%02d.png").status, 1);  // in the way
   expectFailure(2, {"render", "head.isb", "--steps", "--iso", "0", "-o", "p.png"}, "several FILE");
   expectFailure(2,
-                {"render", "head.isb", "sphere.isb", "--steps", "--iso", "0", "--pictures", "3",
-                 "-o", "p/%d.png"},
-                "--pictures");
+                {"render", "head.isb", "sphere.isb", "--steps", "--iso", "0", "--frames", "3", "-o",
+                 "p/%d.png"},
+                "--frames");
 }
 
 }  // namespace

@@ -79,20 +79,20 @@ TEST_F(ViewCommandTest, ShowsWhatARegionLeaves) {
       {"set": {"surfaces": [{"isovalue": 0}], "focus": {"radius": 1000}}}, {"wait": "settled"},
       {"shown_mesh": "cut.ply"}]})");
   runWell({"view", "sphere.isb", "--clip", "1,0,0,20", "--offscreen", "--script", "cut.json",
-           "--frames", "frames"});
+           "--out-dir", "frames"});
   const Json cut = runForJson({"extract", "sphere.isb", "--iso", "0", "--clip", "1,0,0,20"});
   EXPECT_EQ(facesOf("cut.ply"), std::to_string(cut["triangles"].get<int>()));
 }
 
 TEST_F(ViewCommandTest, AScriptRunsWithoutAWindow) {
-  EXPECT_EQ(runWell({"view", "sphere.isb", "--offscreen", "--script", "script.json", "--frames",
+  EXPECT_EQ(runWell({"view", "sphere.isb", "--offscreen", "--script", "script.json", "--out-dir",
                      "frames", "--report", "report.json"}),
             "");
   checkResults();
   // The saved view opens again, and is the same.
   write("again.json",
         R"({"size": [320, 200], "steps": [{"wait": "settled"}, {"state": "again.json"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "again.json", "--frames", "frames",
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "again.json", "--out-dir", "frames",
            "--state", "frames/end.json"});
   EXPECT_EQ(readBytes(path("frames/again.json")), readBytes(path("frames/end.json")));
 }
@@ -103,7 +103,7 @@ TEST_F(ViewCommandTest, TheSameScriptRunsInAWindow) {
   const Outcome outcome =
       wait(start({"/usr/bin/env", "ASAN_OPTIONS=detect_leaks=0", kXvfbRun, "-a", "-s",
                   "-screen 0 1024x768x24", isobrickCommand(), "view", "sphere.isb", "--script",
-                  "script.json", "--frames", "frames", "--report", "report.json"}));
+                  "script.json", "--out-dir", "frames", "--report", "report.json"}));
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");
   checkResults();
@@ -116,7 +116,7 @@ TEST_F(ViewCommandTest, RenderDrawsWhatTheViewerShows) {
       {"wait": "settled"}, {"picture": "bare.png"},
       {"set": {"pictures": {"scale_bar": true, "axes": true, "legend": true}}},
       {"wait": "settled"}, {"picture": "seen.png"}, {"state": "seen.json"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "show.json", "--frames", "frames"});
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "show.json", "--out-dir", "frames"});
   runWell({"render", "sphere.isb", "--state", "frames/seen.json", "--size", "320x200", "-o",
            "same.png"});
   EXPECT_EQ(readBytes(path("same.png")), readBytes(path("frames/seen.png")));
@@ -141,7 +141,8 @@ TEST_F(ViewCommandTest, PicturesAreLargerThanTheWindowAndTransparent) {
       {"picture": "large.png"}, {"picture": "large.exr"},
       {"set": {"pictures": {"transparent": false, "times": 1}}}, {"wait": "settled"},
       {"picture": "again.png"}, {"key": "P", "shift": true}, {"wait": 0.01}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--frames", "frames"});
+  runWell(
+      {"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--out-dir", "frames"});
   const auto sizeAndColor = [&](const char* name) {
     const std::string bytes = readBytes(path(std::string("frames/") + name));
     const auto big_endian = [&](std::size_t at) {
@@ -274,7 +275,7 @@ TEST_F(ViewCommandTest, AVolumeIsShownWhileItIsBuilt) {
   const Outcome outcome =
       wait(start({"/usr/bin/env", "XDG_RUNTIME_DIR=" + path("place"), isobrickCommand(), "view",
                   "phantom:sphere:160", "--offscreen", "--preview-share", "1", "--script",
-                  "preview.json", "--frames", "frames"}));
+                  "preview.json", "--out-dir", "frames"}));
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_TRUE(fs::is_empty(path("place")));
   EXPECT_EQ(runForJson({"cache"})["pyramids"].size(), 1u);
@@ -304,7 +305,7 @@ TEST_F(ViewCommandTest, ViewsComeBack) {
       {"key": "HOME"}, {"wait": "settled"}, {"state": "home.json"},
       {"set": {"focus": {"radius": 4, "everywhere": false}}},
       {"key": "F", "shift": true}, {"wait": "settled"}, {"state": "focus.json"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "views.json", "--frames", "frames"});
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "views.json", "--out-dir", "frames"});
   const auto state = [&](const char* name) {
     return Json::parse(readBytes(path("frames/" + std::string(name) + ".json")));
   };
@@ -334,7 +335,7 @@ TEST_F(ViewCommandTest, MeasuresAreThoseOfTheSphere) {
       {"click": [2, 2]}, {"key": "ESCAPE"}, {"double_click": [2, 2]}, {"wait": "settled"},
       {"measurements": "all.csv"}, {"state": "measured.json"}, {"frame": "window.png"},
       {"picture": "picture.png"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "measure.json", "--frames", "frames"});
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "measure.json", "--out-dir", "frames"});
   const Json state = Json::parse(readBytes(path("frames/measured.json")));
   ASSERT_EQ(state["measurements"].size(), 2u);
   // 400 pixels are 40 voxels high: a tenth of a voxel each.
@@ -471,7 +472,7 @@ TEST_F(ViewCommandTest, MeshFilesAreSimplifiedIfTheViewSaysSo) {
   write("meshes.json", R"({"size": [160, 120], "steps": [
       {"wait": "settled"}, {"mesh": "whole.ply"}, {"wait": "settled"},
       {"set": {"mesh_distance": 2}}, {"mesh": "simplified.ply"}, {"wait": "settled"}]})");
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "meshes.json", "--frames", "frames"});
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "meshes.json", "--out-dir", "frames"});
   const auto whole = fs::file_size(path("frames/whole.ply"));
   const auto simplified = fs::file_size(path("frames/simplified.ply"));
   EXPECT_GT(simplified, 1000u);

@@ -236,9 +236,8 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       sub, "--part", arguments.part, parseShare, "I/N",
       "Do share I of N shares, I from 1: some super-bricks of an output of many files (OUT.isbs, "
       "a folder), in any order and on any machine; what is there stays");
-  sub.add_flag("--join", arguments.join,
-               "Check the super-bricks in the folder that is named as the input, and write its "
-               "index")
+  sub.add_flag("--join", arguments.join, "")  // as 'isobrick merge FOLDER.isbs' says it
+      ->group("")
       ->excludes(part)
       ->excludes(output);
   // For the commands that take volumes (tools/volume_input.h).
@@ -336,7 +335,7 @@ Example:
   isobrick build run.ome.zarr --select channel=all --select time=all -o 'run-{channel}-{time}.isb'
 A scan of many machines, each with its part, and then the index (copies of an input need its times, too):
   isobrick build scan.ome.zarr -o scan.isbs --part 3/8
-  isobrick build scan.isbs --join)");
+  isobrick merge scan.isbs)");
   return {sub, [arguments] { return runBuild(*arguments); }};
 }
 

@@ -86,7 +86,7 @@ struct ConvertArguments {
   InputOptions input;
   std::string output;
   int level = 0;
-  std::string levels;  // "all", or empty
+  bool all_levels = false;
   std::optional<Corners> box;
   std::optional<ValueWindow> window;
   std::string type;
@@ -178,7 +178,7 @@ Opened openLevels(const ConvertArguments& arguments) {
     const auto pyramid =
         openPyramidFile(arguments.input.path, memory_bytes, fileAccess(arguments.no_map),
                         remoteOptions(arguments.cache_folder, arguments.cache_bytes));
-    const bool all = !arguments.levels.empty();
+    const bool all = arguments.all_levels;
     const int first = all ? 0 : arguments.level;
     const int last = all ? pyramid->lattice().levels() - 1 : arguments.level;
     for (int level = first; level <= last; ++level) {
@@ -324,9 +324,9 @@ void checkUsage(const ConvertArguments& arguments) {
     throw UsageError(
         "--with-ranges and --with-curvature write what the pyramid stores, in its place; leave out "
         "--window, --spacing and --origin");
-  if (!arguments.input.derivation.isNone() && (arguments.level > 0 || !arguments.levels.empty()))
+  if (!arguments.input.derivation.isNone() && (arguments.level > 0 || arguments.all_levels))
     throw UsageError(
-        "--label and --denoise are of the finest level; leave out --level and --levels");
+        "--label and --denoise are of the finest level; leave out --level and --all-levels");
   if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
     throw UsageError("--window needs the type that its values are spread over: --type u8");
   if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")
@@ -445,9 +445,7 @@ Command addConvertCommand(CLI::App& app) {
       ->type_name("OUT")
       ->required();
   CLI::Option* const level = addLevelOption(*sub, arguments->level, 20);
-  sub->add_option("--levels", arguments->levels, "Of a pyramid, all levels (.vdb, .ome.zarr)")
-      ->type_name("all")
-      ->check(CLI::IsMember({"all"}))
+  sub->add_flag("--all-levels", arguments->all_levels, "Of a pyramid, all levels (.vdb, .ome.zarr)")
       ->excludes(level);
   addBoxOption(*sub, arguments->box);
   addParsedOption(*sub, "--window", arguments->window, parseWindow, "LO,HI",

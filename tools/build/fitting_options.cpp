@@ -47,7 +47,7 @@ const OptionFit kFits[] = {
     {Side::kInput, {"--dicom-float32"}, "DICOM series", {"DICOM"}},
     {Side::kInput, {"--raw-dims"}, "files without a header", {"raw"}},
     {Side::kInput,
-     {"--level", "--levels", "--no-map", "--with-ranges", "--with-curvature"},
+     {"--level", "--all-levels", "--no-map", "--with-ranges", "--with-curvature"},
      "pyramids (.isb)",
      {"isobrick pyramid"}},
     {Side::kOutput,
@@ -57,7 +57,7 @@ const OptionFit kFits[] = {
      {".vdb"}},
     {Side::kOutput, {"--zarr-version", "--zarr-shard", "--part"}, ".ome.zarr", {".zarr"}},
     {Side::kOutput, {"--lossy"}, ".vdb and slices of .exr", {".vdb", ".exr"}},
-    {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
+    {Side::kOutput, {"--all-levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
     {Side::kOutput, {"--codec", "--no-curvature"}, ".isb", {".isb"}},
 };
 

@@ -42,7 +42,7 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
   for (const ScriptStep& step : readViewScript(options.script_path).steps)
     if (const auto* const file = std::get_if<ScriptFile>(&step))
       refuseReplacing({(std::filesystem::path(options.frames_folder) / file->name).string(),
-                       "choose another folder with --frames"},
+                       "choose another folder with --out-dir"},
                       inputs, force);
 }
 
@@ -79,7 +79,7 @@ void addScriptOptions(CLI::App& app, ViewArguments& arguments) {
                                              "Timed inputs in place of a user; leaves at their end "
                                              "(docs/reference/views-and-scripts.md)")
                                   ->type_name("EVENTS.json");
-  app.add_option("--frames", options.frames_folder,
+  app.add_option("--out-dir", options.frames_folder,
                  "Folder for the files that the script writes; default: this one")
       ->type_name("DIR")
       ->needs(script);

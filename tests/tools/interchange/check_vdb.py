@@ -15,7 +15,7 @@ def test_every_level_of_every_type_is_the_same_for_openvdb_and_for_us():
     for kind in TYPES:
         values = voxels(kind)
         levels = pyramid_levels(values)
-        run("convert", "levels.isb", "-o", "out.vdb", "--levels", "all", "--force")
+        run("convert", "levels.isb", "-o", "out.vdb", "--all-levels", "--force")
         for level, expected in enumerate(levels):
             grid = vdb.read("out.vdb", "density" + (f"_level{level}" if level else ""))
             found = np.full(expected.shape[::-1], np.nan, "f4")
@@ -228,7 +228,7 @@ def expect_nodes(name, expected, spacing, first):
 def test_ranges_of_tiles_are_grids():
     for kind in ("u8", "i16", "f32"):
         levels = pyramid_levels(voxels(kind))
-        run("convert", "levels.isb", "-o", "nodes.vdb", "--levels", "all", "--with-ranges", "--with-curvature",
+        run("convert", "levels.isb", "-o", "nodes.vdb", "--all-levels", "--with-ranges", "--with-curvature",
             "--vdb-background", "7", "--vdb-tolerance", "5", "--force")
         names = [grid.name for grid in vdb.readAllGridMetadata("nodes.vdb")]
         assert len(set(names)) == len(names) == 3 * len(levels) + 8, names

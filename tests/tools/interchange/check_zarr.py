@@ -27,7 +27,7 @@ def test_every_level_of_every_type_is_the_same_for_zarr_and_for_us():
     for kind in TYPES:
         values = voxels(kind)
         levels = pyramid_levels(values)
-        run("convert", "levels.isb", "-o", "out.ome.zarr", "--levels", "all", "--zarr-version", "2", "--force")
+        run("convert", "levels.isb", "-o", "out.ome.zarr", "--all-levels", "--zarr-version", "2", "--force")
         image = zarr.open("out.ome.zarr", mode="r")
         (scales,) = image.attrs["multiscales"]
         assert scales["version"] == "0.4" and len(scales["datasets"]) == len(levels)

@@ -1,0 +1,77 @@
+#include "tools/user_words.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+#include <string_view>
+
+namespace isobrick {
+namespace {
+
+// An option that has another name since version 0.3. The old names end with 0.4.
+struct RenamedOption {
+  std::string_view command, old, now;
+  bool drops_value = false;
+};
+constexpr RenamedOption kRenamed[] = {
+    {"render", "--pictures", "--frames"},
+    {"render", "--pictures-per-second", "--fps"},
+    {"convert", "--levels", "--all-levels", true},
+    {"view", "--frames", "--out-dir"},
+};
+
+std::size_t editsBetween(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> edits(b.size() + 1);
+  std::iota(edits.begin(), edits.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = edits[0]++;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = edits[j + 1];
+      edits[j + 1] = std::min({replaced, diagonal + 1, edits[j] + 1});
+    }
+  }
+  return edits.back();
+}
+
+}  // namespace
+
+std::vector<std::string> todaysWords(int argc, char** argv) {
+  std::vector<std::string> words(argv, argv + argc);
+  if (words.size() < 2) return words;
+  const auto rename = [&](const RenamedOption& renamed) {
+    for (std::size_t i = 2; i < words.size() && words[i] != "--"; ++i) {
+      const std::string_view name = std::string_view(words[i]).substr(0, words[i].find('='));
+      if (words[1] != renamed.command || name != renamed.old) continue;
+      fmt::print(stderr, "isobrick: warning: {} is {} now; the old name ends with version 0.4\n",
+                 renamed.old, renamed.now);
+      const bool has_value = name.size() < words[i].size();
+      words[i].replace(0, renamed.drops_value ? words[i].size() : name.size(), renamed.now);
+      if (renamed.drops_value && !has_value && i + 1 < words.size())
+        words.erase(words.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+    }
+  };
+  std::ranges::for_each(kRenamed, rename);
+  const auto namesFolder = [](std::string_view word) {
+    return word.ends_with(".isbs") || word.ends_with(".isbs/");
+  };
+  if (words[1] == "merge" && std::any_of(words.begin() + 2, words.end(), namesFolder)) {
+    words[1] = "build";
+    words.emplace_back("--join");
+  }
+  return words;
+}
+
+std::string guessOf(const std::string& word, const std::vector<std::string>& known) {
+  std::string nearest;
+  std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
+  for (const std::string& one : known)
+    if (const std::size_t edits = editsBetween(word, one); edits < least) {
+      least = edits;
+      nearest = one;
+    }
+  return nearest.empty() ? nearest : fmt::format("; did you mean '{}'?", nearest);
+}
+
+}  // namespace isobrick

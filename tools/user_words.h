@@ -1,0 +1,16 @@
+// Words as users write them: old names of options, and mistyped ones.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace isobrick {
+
+// The words of a command line, argv[0] among them, with today's names in place of the old ones,
+// which a warning names; and 'merge FOLDER.isbs', which is a build's, as `isobrick-build` has it.
+std::vector<std::string> todaysWords(int argc, char** argv);
+
+// "; did you mean 'focus'?" for "focsu": the nearest of the words, or nothing if none is near.
+std::string guessOf(const std::string& word, const std::vector<std::string>& known);
+
+}  // namespace isobrick
