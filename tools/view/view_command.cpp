@@ -52,7 +52,8 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
 
 // As many steps stay open as have room with all of their voxels.
 std::size_t stepsWithRoom(const ViewOptions& options) {
-  const auto first = openPyramid(options.steps.front(), options.memory_bytes, options.remote).file;
+  const auto first =
+      openPyramid(options.steps.front(), options.memory_bytes, options.remote, options.cancel).file;
   const Index3& voxels = first->spec().voxels;
   const auto bytes = static_cast<std::uint64_t>(voxels.x * voxels.y * voxels.z) *
                      voxelBytes(first->spec().voxel_type);

@@ -116,7 +116,7 @@ const std::vector<KeyRow>& keyRows() {
         "isovalue by a thousandth of the range or less; with Shift by 10 of them"},
        {{Key::kLeft, [](Press p) { moveIsovalue(-1.0, p); }, false, kRepeats},
         {Key::kRight, [](Press p) { moveIsovalue(1.0, p); }, false, kRepeats}}},
-      {{"up, down arrow; J", "the next, the last step of time; play them, and stop"},
+      {{"up, down arrow; J", "the next step of time, the one before; play them, and stop"},
        {{Key::kUp, [](Press p) { ++p.state.step; }, false, kRepeats},
         {Key::kDown, [](Press p) { --p.state.step; }, false, kRepeats},
         {Key::kJ, [](Press p) { flip(p.interaction.playing); }}}},

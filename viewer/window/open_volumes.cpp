@@ -69,10 +69,13 @@ bool OpenVolumes::goesOnInTime() const {
 
 // Makes the step that the view asks for or, while they play, the next one, beside the shown one.
 void OpenVolumes::goOnInTime(const glm::dvec2& size) {
+  if (session() == nullptr) return;
+  int& wanted = session()->state().step;
+  wanted = std::clamp(wanted, 0, std::max(0, steps() - 1));
+  bool& plays = session()->interaction().playing;
+  plays = plays && showsStep();
   if (!showsStep() || (busy() && !next_step_)) return;
   const int shown = *opened()->step;
-  int& wanted = session()->state().step;
-  wanted = std::clamp(wanted, 0, steps_.count() - 1);
   if (next_step_ == shown) {
     next_step_.reset();
     nameAfter(opened()->source, "");
@@ -80,7 +83,7 @@ void OpenVolumes::goOnInTime(const glm::dvec2& size) {
   std::optional<int> next;
   if (wanted != shown)
     next = wanted;
-  else if (session()->interaction().playing)
+  else if (plays)
     next = (shown + 1) % steps_.count();
   if (next == next_step_) return;
   next_step_ = next;

@@ -47,7 +47,11 @@ class OpenVolumes {
   int steps() const { return showsStep() ? steps_.count() : 0; }
   bool busy() const { return opener_.status().busy; }
 
-  VolumeOpener::Status status() const { return opener_.status(); }
+  // Nothing of steps that play: they are opened all the time.
+  VolumeOpener::Status status() const {
+    const bool plays = session() != nullptr && session()->interaction().playing;
+    return plays ? VolumeOpener::Status{} : opener_.status();
+  }
   // Why the last opening ended without a volume; empty: it did not.
   const std::string& error() const { return error_; }
   // Opened last, latest first.

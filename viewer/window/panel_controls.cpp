@@ -249,8 +249,8 @@ Wishes files(ViewState& state, float scale) {
 
 void timeControls(ViewSession& session, int steps) {
   if (steps == 0) return;
-  ImGui::SliderInt("step of time", &session.state().step, 0, steps - 1);
-  explain("Which FILE is shown. The up and down arrows go from one to the next.");
+  ImGui::SliderInt("step", &session.state().step, 0, steps - 1);
+  explain("Of time: which FILE is shown. The up and down arrows go from one to the next.");
   ImGui::SameLine();
   ImGui::Checkbox("play", &session.interaction().playing);
   explain("One after the other, and again; each is made while the one before is shown (J).");
