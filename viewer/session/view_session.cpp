@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/viewer/session/drawn_scene.h"
 
