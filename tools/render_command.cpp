@@ -151,13 +151,23 @@ class PictureFiles {
   std::vector<std::shared_ptr<PictureOutput>> outputs_;
 };
 
-// Draws saved views as `isobrick view` shows them: one FILE in all of them, or each in one.
+// Draws saved views as `isobrick view` shows them: all FILE in each of them or, if they are steps,
+// one after the other.
 int renderStates(RenderArguments& arguments) {
   const PictureFiles output(arguments);
   std::vector<QueryOptions> volumes = queriesOf(arguments);
   for (QueryOptions& volume : volumes) findPyramid(volume);
   std::vector<ViewState> views;
-  for (const std::string& path : arguments.states) views.push_back(readView(path).state);
+  for (const std::string& path : arguments.states) {
+    const SavedView view = readView(path);
+    views.push_back(view.state);
+    if (volumes.size() > 1) continue;
+    for (const std::string& beside : view.beside) {
+      volumes.push_back(volumes.front());
+      volumes.back().input.path = beside;
+      findPyramid(volumes.back());
+    }
+  }
   if (arguments.pictures > 1 && !arguments.steps)
     views = views.size() == 1 ? turntable(views.front(), arguments.pictures)
                               : viewsAlong(views, arguments.pictures);
@@ -165,12 +175,18 @@ int renderStates(RenderArguments& arguments) {
   std::uint64_t triangles = 0;
   OffscreenRenderer renderer;
   runWithThreads(arguments.query.threads, [&] {
-    for (std::size_t i = 0; i < volumes.size(); ++i) {
+    const std::uint64_t memory_bytes =
+        arguments.query.memory_bytes / (arguments.steps ? 1 : volumes.size());
+    ViewDrawing drawing{arguments.size.width, arguments.size.height, arguments.query.threads,
+                        output.format() == ImageFormat::kExr};
+    drawing.is_step = arguments.steps;
+    for (std::size_t i = 1; i < volumes.size() && !arguments.steps; ++i)
+      drawing.beside.push_back(openPyramid(volumes[i].input.pyramid, memory_bytes,
+                                           remoteOptions(volumes[i].input), &interruptFlag()));
+    for (std::size_t i = 0; i + drawing.beside.size() < volumes.size(); ++i) {
       const auto pyramid =
-          openPyramidFile(volumes[i].input.pyramid, arguments.query.memory_bytes,
+          openPyramidFile(volumes[i].input.pyramid, memory_bytes,
                           fileAccess(arguments.query.no_map), remoteOptions(volumes[i].input));
-      const ViewDrawing drawing{arguments.size.width, arguments.size.height,
-                                arguments.query.threads, output.format() == ImageFormat::kExr};
       renderer.drawViews(pyramid, views, drawing, interruptFlag(),
                          [&, take = output.taker(i)](ViewRows rows) {
                            triangles = rows.triangles;
@@ -277,8 +293,6 @@ void checkFiles(RenderArguments& arguments) {
     throw UsageError("--steps draws a picture of each of several FILE; give more of them");
   if (arguments.steps && arguments.states.size() > 1)
     throw UsageError("--steps has one camera; give one --state");
-  if (!arguments.steps && !arguments.states.empty() && files > 1)
-    throw UsageError("--state is the view of one FILE; with --steps, of each");
   if (arguments.steps && isSequenceName(arguments.output))
     arguments.pictures = static_cast<int>(files);
 }

@@ -72,12 +72,14 @@ const std::string& OffscreenRenderer::deviceName() const {
 void OffscreenRenderer::drawViews(std::shared_ptr<const Pyramid> pyramid,
                                   std::span<const ViewState> states, const ViewDrawing& drawing,
                                   const CancelFlag& cancel, const TakeRows& take) {
-  const auto [width, height, threads, layers] = drawing;
+  const auto& [width, height, threads, layers, beside, is_step] = drawing;
   checkPictureSize(width, height);
   const EglContext::CurrentScope current(context_->egl);
   GlSceneRenderer& renderer = *context_->renderer;
-  ViewSession session(std::move(pyramid), renderer,
-                      {threads, std::numeric_limits<std::uint64_t>::max()});
+  SessionOptions options{threads, std::numeric_limits<std::uint64_t>::max()};
+  options.beside = beside;
+  options.is_step = is_step;
+  ViewSession session(std::move(pyramid), renderer, options);
   session.apply(InputEvent::resized(width, height), 0.0, false);
   double clock = 0.0;  // nothing moves: any clock does
   for (std::size_t i = 0; i < states.size(); ++i) {
@@ -101,7 +103,7 @@ void OffscreenRenderer::drawViews(std::shared_ptr<const Pyramid> pyramid,
 void OffscreenRenderer::drawSurface(DrawableSurface surface, std::span<const ViewState> states,
                                     const ViewDrawing& drawing, const CancelFlag& cancel,
                                     const TakeRows& take) {
-  const auto [width, height, threads, layers] = drawing;
+  const auto& [width, height, threads, layers, beside, is_step] = drawing;
   checkPictureSize(width, height);
   WorldBox bounds = emptyWorldBox();
   surface.forEachVertex([&](const glm::dvec3& point) { bounds.include(point); });

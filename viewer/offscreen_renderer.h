@@ -15,6 +15,7 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/picture_writer.h"
 #include "isobrick/viewer/session/scene_of_view.h"
+#include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/view_state.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 
@@ -27,6 +28,8 @@ struct ViewDrawing {
   int height = 1;
   int threads = 1;
   bool layers = false;
+  std::vector<OpenedVolume> beside = {};  // of the views; their volumes 1, 2, ...
+  bool is_step = false;                   // the volume is one of several in time
 };
 
 // Some rows of the picture of a view, from top to bottom, whose size need not fit into memory.

@@ -109,6 +109,78 @@ TEST_F(ViewCommandTest, TheSameScriptRunsInAWindow) {
   checkResults();
 }
 
+TEST_F(ViewCommandTest, StepsOfTimeHaveOneView) {
+  Words steps{"view"}, drawn{"render"};
+  for (int step = 0; step < 5; ++step) {
+    const std::string name = "run-" + std::to_string(step);
+    runWell({"phantom", "sphere", "--voxels", std::to_string(28 + 4 * step), "-o", name + ".mhd"});
+    runWell({"build", name + ".mhd"});
+    for (Words* words : {&steps, &drawn}) words->push_back(name + ".isb");
+  }
+  // Each by its key, by its number, by undo, and after playing.
+  write("steps.json", R"({"size": [300, 200], "steps": [
+      {"wait": "settled"}, {"set": {"surfaces": [{"isovalue": 1}]}}, {"wait": "settled"},
+      {"picture": "run-0.png"},
+      {"key": "UP"}, {"wait": "settled"}, {"picture": "run-1.png"},
+      {"set": {"step": 2}}, {"wait": "settled"}, {"picture": "run-2.png"}, {"wait": 0.6},
+      {"set": {"step": 9}}, {"wait": "settled"}, {"picture": "run-4.png"}, {"wait": 0.6},
+      {"key": "DOWN"}, {"wait": "settled"}, {"picture": "run-3.png"}, {"state": "v.json"}, {"wait": 0.6},
+      {"key": "Z", "control": true}, {"wait": "settled"}, {"picture": "undone.png"},
+      {"key": "Z", "control": true, "shift": true}, {"wait": "settled"}, {"picture": "redone.png"},
+      {"key": "J"}, {"wait": 2}, {"key": "J"}, {"wait": "settled"}, {"state": "played.json"}]})");
+  steps.insert(steps.end(),
+               {"--steps", "--offscreen", "--script", "steps.json", "--frames", "frames"});
+  runWell(steps);
+  EXPECT_EQ(Json::parse(readBytes(path("frames/v.json")))["step"], 3);
+  drawn.insert(drawn.end(),
+               {"--steps", "--state", "frames/v.json", "--size", "300x200", "-o", "{name}.png"});
+  runWell(drawn);
+  const auto picture = [&](const std::string& name) { return readBytes(path(name + ".png")); };
+  for (int step = 0; step < 5; ++step) {
+    const std::string name = "run-" + std::to_string(step);
+    EXPECT_EQ(picture("frames/" + name), picture(name)) << step;
+    EXPECT_EQ(step > 0 && picture(name) == picture("run-0"), false) << step;
+  }
+  EXPECT_EQ(picture("frames/undone"), picture("run-4"));
+  EXPECT_EQ(picture("frames/redone"), picture("run-3"));
+  // The view opens with its step.
+  write("again.json",
+        R"({"size": [300, 200], "steps": [{"wait": "settled"}, {"picture": "again.png"}]})");
+  steps[steps.size() - 3] = "again.json";
+  steps.insert(steps.end(), {"--state", "frames/v.json"});
+  runWell(steps);
+  EXPECT_EQ(picture("frames/again"), picture("run-3"));
+  expectFailure(2, {"view", "run-0.isb", "--steps"}, "give more of them");
+  Words many(9, "sphere.isb");
+  many.insert(many.begin(), "view");
+  expectFailure(2, many, "--steps");
+}
+
+TEST_F(ViewCommandTest, SeveralVolumesAreInOneScene) {
+  runWell({"phantom", "head", "--voxels", "40", "-o", "head.nrrd"});
+  runWell({"build", "head.nrrd", "--spacing", "0.7,0.7,0.9", "--origin", "30,5,0"});
+  write("both.json", R"({"size": [400, 300], "steps": [
+      {"wait": "settled"}, {"picture": "both.png"}, {"state": "both.view.json"}]})");
+  runWell({"view", "sphere.isb", "head.isb", "--offscreen", "--script", "both.json", "--frames",
+           "frames"});
+  const Json view = Json::parse(readBytes(path("frames/both.view.json")));
+  EXPECT_EQ(view["surfaces"][1]["volume"], 1);
+  const auto drawn = [&](const Words& files) {
+    Words words{"render", "--state",  "frames/both.view.json", "--size", "400x300", "--force",
+                "-o",     "drawn.png"};
+    words.insert(words.begin() + 1, files.begin(), files.end());
+    runWell(words);
+    return readBytes(path("drawn.png"));
+  };
+  const std::string both = readBytes(path("frames/both.png"));
+  EXPECT_EQ(drawn({"sphere.isb", "head.isb"}), both);
+  EXPECT_EQ(drawn({"sphere.isb"}), both);  // the view names the other one
+  // So does the window, with the view alone.
+  runWell({"view", "--state", "frames/both.view.json", "--offscreen", "--script", "both.json",
+           "--frames", "again"});
+  EXPECT_EQ(readBytes(path("again/both.png")), both);
+}
+
 TEST_F(ViewCommandTest, RenderDrawsWhatTheViewerShows) {
   write("show.json", R"({"size": [320, 200], "steps": [
       {"set": {"surfaces": [{"isovalue": 1}], "slices": [{}, {}, {"shown": true, "position": 20}],

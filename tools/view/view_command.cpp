@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/voxel_type.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/state/view_file.h"
 #include "isobrick/viewer/window/view_loop.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -28,6 +30,8 @@ struct ViewArguments {
   ViewOptions options;
   PixelSize size{options.width, options.height};
   VolumeInput input;
+  std::vector<std::string> files;
+  bool steps = false;
   RegionOptions region;
   std::optional<double> preview_share;
   bool force = false;
@@ -46,10 +50,53 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
                       inputs, force);
 }
 
+// As many steps stay open as have room with all of their voxels.
+std::size_t stepsWithRoom(const ViewOptions& options) {
+  const auto first =
+      openPyramid(options.steps.front(), options.memory_bytes, options.remote, options.cancel).file;
+  const Index3& voxels = first->spec().voxels;
+  const auto bytes = static_cast<std::uint64_t>(voxels.x * voxels.y * voxels.z) *
+                     voxelBytes(first->spec().voxel_type);
+  return std::clamp<std::size_t>(options.memory_bytes / bytes, 2, options.steps.size());
+}
+
+// Several FILE, or those of the view if none is named, are found before there is a window. They
+// share the memory.
+void openFiles(ViewArguments& arguments) {
+  ViewOptions& options = arguments.options;
+  std::vector<std::string>& files = arguments.files;
+  if (files.empty() && !options.state_path.empty()) {
+    const SavedView view = readView(options.state_path);
+    files = view.beside;
+    if (!files.empty()) files.insert(files.begin(), view.volume);
+  }
+  if (arguments.steps && files.size() < 2)
+    throw UsageError("--steps goes through several FILE; give more of them");
+  if (!arguments.steps && files.size() > 8)
+    throw UsageError("a scene has at most 8 volumes; if these are steps of time, give --steps");
+  for (std::size_t i = arguments.steps ? 0 : 1; i < files.size(); ++i) {
+    VolumeInput input = arguments.input;
+    input.path = files[i];
+    findPyramid(input, options.threads, options.memory_bytes);
+    files[i] = input.pyramid;
+  }
+  if (!files.empty()) options.path = arguments.input.path = files.front();
+  if (arguments.steps) {
+    options.steps = files;
+    options.steps_open = stepsWithRoom(options);
+    options.memory_bytes /= options.steps_open;
+    return;
+  }
+  options.memory_bytes /= std::max<std::size_t>(1, files.size());
+  for (std::size_t i = 1; i < files.size(); ++i)
+    options.beside.push_back(
+        openPyramid(files[i], options.memory_bytes, options.remote, options.cancel));
+}
+
 int runViewCommand(ViewArguments& arguments) {
   ViewOptions& options = arguments.options;
-  options.path = arguments.input.path;
   options.remote = remoteOptions(arguments.input);
+  openFiles(arguments);
   refuseReplacingOutputs(options, arguments.force);
   if (!isVolume(options.path)) {  // of which another volume may be made, before there is a window
     findPyramid(arguments.input, options.threads, options.memory_bytes);
@@ -101,8 +148,11 @@ Command addViewCommand(CLI::App& app) {
   // One core is for the interface.
   options.threads = std::max(1, allCores() - 1);
   options.cancel = &interruptFlag();
-  CLI::Option* const file = addVolumeInput(*sub, arguments->input);
+  CLI::Option* const file = addVolumeInputs(*sub, arguments->files);
   file->description(file->get_description() + "; default: chosen in the window");
+  sub->add_flag("--steps", arguments->steps,
+                "Each FILE is a step of time: the panel has a slider for them, and plays them; "
+                "without it they are volumes of one scene");
   addVolumeOptions(*sub, arguments->input);
   addRegionOptions(*sub, arguments->region, false);
   addParsedOption(
@@ -125,6 +175,8 @@ Command addViewCommand(CLI::App& app) {
   sub->footer(R"(
 Example:
   isobrick view head.isb --memory 512M --size 1600x1000
+  isobrick view ct.isb pet.isb            in one world
+  isobrick view run-*.isb --steps
 H lists the keys.)");
   return {sub, [arguments] { return runViewCommand(*arguments); }};
 }

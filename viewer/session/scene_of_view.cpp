@@ -155,7 +155,7 @@ SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& st
     slice.opacity = 1.0;
     slice.least_value.reset();
     for (const ViewSurface& surface : state.surfaces) {
-      if (!surface.visible) continue;
+      if (!surface.visible || surface.volume != 0) continue;
       const double value = volume.stored_values.stored(surface.isovalue);
       if (surface.inside == InsideOf::kBelow)
         slice.below_value = std::max(value, slice.below_value.value_or(value));

@@ -9,7 +9,7 @@ namespace isobrick {
 
 ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
                          const std::optional<PreviewOf>& preview_of, std::vector<double> isovalues,
-                         SurfaceRegion region)
+                         SurfaceRegion region, bool is_step)
     : pyramid_(std::move(pyramid)), preview_of_(preview_of), region_(std::move(region)) {
   for (HalfSpace& half_space : region_.half_spaces) half_space.offset /= step();
   for (RegionBall& ball : region_.balls) {
@@ -22,6 +22,7 @@ ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
   volume_.greatest_value = pyramid_->realRange().max;
   volume_.stored_values = pyramid_->spec().values;
   volume_.isovalues = std::move(isovalues);
+  volume_.has_all_values = !is_step;
   if (!preview_of_) return;
   volume_.voxels = preview_of_->voxels;
   volume_.geometry.spacing /= step();

@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "isobrick/extract/color_map.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/viewer/session/drawn_scene.h"
 
@@ -17,6 +18,10 @@ void adoptOpening(const ViewState& before, const ViewState& after, ViewState& vi
   if (view.focus == before.focus) view.focus = after.focus;
 }
 
+double firstIsovalue(const ViewVolume& volume) {
+  return volume.isovalues.empty() ? volume.least_value : volume.isovalues.front();
+}
+
 ComponentSeed seedOf(const SurfaceComponent& piece) { return {piece.point, piece.area}; }
 
 }  // namespace
@@ -27,7 +32,8 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& 
 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
                          SceneRenderer& renderer, const SessionOptions& options)
-    : shown_(std::move(pyramid), options.preview_of, histogram.isovalues, options.region),
+    : shown_(std::move(pyramid), options.preview_of, histogram.isovalues, options.region,
+             options.is_step),
       histogram_(std::move(histogram)),
       renderer_(&renderer),
       state_(firstView(volume(), 1.0)),
@@ -37,9 +43,19 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       planes_(shown_.pyramid(), shown_.step()),
       slice_views_(shown_.pyramid(), shown_.step()),
       pieces_(shown_.pyramid(), options.threads, known_) {
-  const std::vector<double>& isovalues = volume().isovalues;
-  state_.surfaces[0].isovalue = isovalues.empty() ? volume().least_value : isovalues.front();
+  state_.surfaces[0].isovalue = firstIsovalue(volume());
   state_.ambient_occlusion = !renderer.isSoftware();
+  for (const OpenedVolume& opened : options.beside) {
+    beside_sources_.push_back(opened.source);
+    const std::size_t number = state_.surfaces.size();
+    beside_.push_back(std::make_unique<BesideVolume>(opened, static_cast<int>(number),
+                                                     shown_.lattice(), options.region, renderer,
+                                                     options.gpu_budget, options.threads));
+    ViewSurface& surface = state_.surfaces.emplace_back();
+    surface.isovalue = firstIsovalue(beside_.back()->volume());
+    surface.color = componentColor(number);
+    surface.volume = static_cast<int>(number);
+  }
   opening_ = OpeningView(state_);
 }
 
@@ -48,6 +64,7 @@ ViewSession::~ViewSession() { planes_.release(*renderer_); }
 void ViewSession::suspend() {
   planes_.release(*renderer_);
   requests_.suspend();
+  for (const auto& beside : beside_) beside->requests().suspend();
   scene_.forget();
   scene_.forgetQuestions();
   clicks_.clear();
@@ -57,6 +74,45 @@ void ViewSession::suspend() {
 void ViewSession::resume(SceneRenderer& renderer) {
   renderer_ = &renderer;
   requests_.resume(renderer);
+  for (const auto& beside : beside_) beside->requests().resume(renderer);
+}
+
+const BesideVolume* ViewSession::activeBeside() const {
+  const int number = activeSurface(state_).volume;
+  const bool is_there = number > 0 && number <= std::ssize(beside_);
+  return is_there ? beside_[static_cast<std::size_t>(number) - 1].get() : nullptr;
+}
+
+const ShownVolume& ViewSession::activeShown() const {
+  const BesideVolume* const beside = activeBeside();
+  return beside != nullptr ? beside->shown() : shown_;
+}
+
+const ValueHistogram& ViewSession::activeHistogram() const {
+  const BesideVolume* const beside = activeBeside();
+  return beside != nullptr ? beside->histogram() : histogram_;
+}
+
+double ViewSession::predictedTriangles(double isovalue) const {
+  const BesideVolume* const beside = activeBeside();
+  const SurfaceRequests& requests = beside != nullptr ? beside->requests() : requests_;
+  return requests.shareOfFinest() * activeHistogram().trianglesAt(isovalue);
+}
+
+bool ViewSession::isOverBudget() const {
+  return requests_.isOverBudget() || std::ranges::any_of(beside_, [](const auto& beside) {
+           return beside->requests().isOverBudget();
+         });
+}
+
+// Places are those of the session's own volume, isovalues those of the active surface's.
+ViewVolume ViewSession::volumeOfKeys() const {
+  ViewVolume result = volume();
+  result.least_value = activeVolume().least_value;
+  result.greatest_value = activeVolume().greatest_value;
+  result.isovalues = activeVolume().isovalues;
+  if (activeBeside() != nullptr) result.has_all_values = false;  // of all surfaces
+  return result;
 }
 
 void ViewSession::follow(const ViewSession& other) {
@@ -64,6 +120,10 @@ void ViewSession::follow(const ViewSession& other) {
   last_update_ = other.last_update_;
   state_ = other.state_;
   history_ = other.history_;
+  if (!other.previewOf()) {
+    opening_ = other.opening_;
+    return;
+  }
   // The first view of a volume follows from its values.
   const ViewState &before = other.opening_.view(), &first = opening_.view();
   const auto adopt = [&](ViewState& view) {
@@ -87,7 +147,7 @@ void ViewSession::show(const ViewState& state) {
 
 Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
   const bool selects = interaction_.tool == Interaction::Tool::kPiece;
-  const Wishes wishes = applyEvent(event, seconds, on_panel, volume(), interaction_, state_);
+  const Wishes wishes = applyEvent(event, seconds, on_panel, volumeOfKeys(), interaction_, state_);
   grantView(wishes);
   // Esc: its box goes with the tool.
   if (selects && interaction_.tool == Interaction::Tool::kNone) pieces_.select(std::nullopt);
@@ -143,20 +203,26 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume(), interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume());
+  for (const auto& beside : beside_) beside->bound(state_);
   // They come first in a frame, so that surfaces that keep coming leave them room.
   planes_.update(*renderer_, planesOf(state_, volume(), interaction_.size.y), allowance);
   // The past extractions decide the size of the next request.
   requests_.take(seconds, allowance);
+  for (const auto& beside : beside_) beside->requests().take(seconds, allowance);
   updateOpening();
   slice_views_.update();
   updatePieces(seconds);
-  const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
+  const bool is_held =
+      interaction_.drag != Interaction::Drag::kNone || interaction_.flying || interaction_.playing;
   history_.note(state_, is_held, seconds);
   requests_.request(wish(), seconds);
+  for (const auto& beside : beside_) beside->requests().request(wishOf(*beside), seconds);
 }
 
 SurfaceWish ViewSession::wish() const {
   SurfaceWish wish = shown_.wishOf(state_, interaction_.size.y);
+  for (std::size_t s = 0; s < wish.surfaces.size(); ++s)
+    wish.surfaces[s].visible = wish.surfaces[s].visible && state_.surfaces[s].volume == 0;
   for (std::size_t s = 0; s < std::min(colored_by_.size(), wish.surfaces.size()); ++s)
     if (wish.surfaces[s].visible) wish.surfaces[s].listed = colored_by_[s];
   // A coarse level alone has no colours of pieces, and takes a list of its own for chosen ones.
@@ -170,9 +236,18 @@ SurfaceWish ViewSession::wish() const {
 }
 
 std::optional<WorldBox> ViewSession::shownBox() const {
-  const auto box = requests_.shownBox();
-  if (!box) return std::nullopt;
-  return shown_.boxAround(*box);
+  std::optional<WorldBox> all;
+  const auto include = [&](const SurfaceRequests& requests) {
+    const auto box = requests.shownBox();
+    if (!box) return;
+    const WorldBox in_world = shown_.boxAround(*box);
+    if (!all) all = in_world;
+    all->include(in_world.lower);
+    all->include(in_world.upper);
+  };
+  include(requests_);
+  for (const auto& beside : beside_) include(beside->requests());
+  return all;
 }
 
 void ViewSession::updateOpening() {
@@ -197,13 +272,19 @@ void ViewSession::updateOpening() {
 void ViewSession::noteDrawing(std::optional<double> seconds) {
   if (!drew_) return;
   opening_.noteDrawing(seconds);
-  if (seconds) requests_.noteDrawing(*seconds);
+  if (!seconds) return;
+  requests_.noteDrawing(*seconds);
+  for (const auto& beside : beside_) beside->requests().noteDrawing(*seconds);
 }
 
 SceneFrame ViewSession::sceneNow(int width, int height) const {
   SceneFrame frame = sceneOf(state_, volume(), width, height);
   frame.lattice = shown_.lattice();
   frame.chunks = requests_.chunks();
+  for (const auto& beside : beside_) {
+    for (const ChunkId chunk : beside->requests().chunks()) frame.chunks.push_back(chunk);
+    for (const glm::dvec3& corner : cornersOf(beside->volume().box())) frame.bounds.include(corner);
+  }
   frame.first_level = shown_.firstLevel();
   frame.color_by_component = state_.coloring == ViewColoring::kComponent &&
                              requests_.shown().pass().what == StreamValues::What::kComponent;
@@ -269,10 +350,16 @@ bool ViewSession::settled() const {
          !slice_views_.busy() && (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
-bool ViewSession::isFine() const { return requests_.isFine(wish()) && !planes_.busy(); }
+bool ViewSession::isFine() const {
+  return requests_.isFine(wish()) && !planes_.busy() &&
+         std::ranges::all_of(beside_, [&](const auto& beside) {
+           return beside->requests().isFine(wishOf(*beside));
+         });
+}
 
 SessionStatus ViewSession::status() const {
   SessionStatus status = statusOf(requests_, shown_, state_, isFine());
+  for (const auto& beside : beside_) beside->addTo(status);
   if (!requests_.isOverBudget() && !opening_.limit(state_).empty())
     status.limited = opening_.limit(state_);
   if (const std::size_t lost = requests_.shown().lostPieces(); lost > 0 && status.limited.empty())
@@ -304,26 +391,30 @@ std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
 
 MeshOrder ViewSession::meshOrder(const std::string& path) const {
   const auto surface = static_cast<std::size_t>(state_.active_surface);
-  const SurfaceWish wish = shown_.wishOf(state_, interaction_.size.y);
-  Query query = shown_.queryOf(wish, surface, wish.radius);
+  const BesideVolume* const beside = activeBeside();
+  const SurfaceWish wish =
+      beside != nullptr ? wishOf(*beside) : shown_.wishOf(state_, interaction_.size.y);
+  const ShownVolume& shown = activeShown();
+  Query query = shown.queryOf(wish, surface, wish.radius);
   // A query counts in samples, of which a preview has fewer.
-  if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance / shown_.step()};
-  return {shown_.pyramid(), query, path, state_.surfaces[surface].pieces};
+  if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance / shown.step()};
+  return {shown.pyramid(), query, path, wish.surfaces[surface].pieces};
 }
 
 void ViewSession::writeShownMesh(const std::string& path) const {
   const auto sink = makeMeshFileSink(path, {});
-  takeShownMesh(*renderer_, requests_.chunks(),
+  takeShownMesh(*renderer_, sceneNow(1, 1).chunks,
                 {pyramid().spec().geometry, pyramid().spec().voxels}, *sink);
 }
 
 void ViewSession::listPieces(const std::optional<glm::dvec3>& point) {
   hides_no_more_ = false;
-  pieces_.request(activeSurface(state_).isovalue, point);
+  if (activeBeside() == nullptr) pieces_.request(activeSurface(state_).isovalue, point);
 }
 
 bool ViewSession::piecesAreCurrent() const {
-  return pieces_.listed() && pieces_.listed()->isovalue() == activeSurface(state_).isovalue;
+  return activeBeside() == nullptr && pieces_.listed() &&
+         pieces_.listed()->isovalue() == activeSurface(state_).isovalue;
 }
 
 void ViewSession::keepSelectedPiece() {
@@ -357,12 +448,13 @@ void ViewSession::updatePieces(double seconds) {
   std::set<double> isovalues;
   if (state_.coloring == ViewColoring::kComponent)
     for (const ViewSurface& surface : state_.surfaces)
-      if (surface.visible) isovalues.insert(surface.isovalue);
+      if (surface.visible && surface.volume == 0) isovalues.insert(surface.isovalue);
   pieces_.want(isovalues, seconds);
   pieces_.update();
   colored_by_.resize(isovalues.empty() ? 0 : state_.surfaces.size());
   for (std::size_t s = 0; s < colored_by_.size(); ++s)
-    colored_by_[s] = pieces_.wanted(state_.surfaces[s].isovalue);
+    colored_by_[s] =
+        state_.surfaces[s].volume == 0 ? pieces_.wanted(state_.surfaces[s].isovalue) : nullptr;
 }
 
 std::vector<ColoredPieces> ViewSession::coloredPieces() const {
@@ -370,7 +462,7 @@ std::vector<ColoredPieces> ViewSession::coloredPieces() const {
   for (std::size_t s = 0; s < colored_by_.size(); ++s) {
     const ViewSurface& surface = state_.surfaces[s];
     const StreamedSurface* const shown = requests_.shown().surface(s);
-    const auto listed = pieces_.wanted(surface.isovalue);
+    const auto listed = colored_by_[s];
     if (!surface.visible || !(surface.opacity > 0.0) || !listed || shown == nullptr) continue;
     ColoredPieces& pieces = colored.emplace_back();
     pieces.isovalue = surface.isovalue;
@@ -403,7 +495,8 @@ void VolumeShow::open(OpenedVolume opened, SceneRenderer& renderer, const glm::d
 }
 
 void VolumeShow::take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size) {
-  if (showsPreview() && opened.source == shown_->opened.source) {
+  const bool is_next_step = opened.step && shown_ && shown_->opened.step;
+  if (is_next_step || (showsPreview() && opened.source == shown_->opened.source)) {
     next_ = showingOf(std::move(opened), renderer);
     return;
   }
@@ -430,8 +523,11 @@ void VolumeShow::update(double seconds, UploadAllowance& allowance) {
   next_->session->update(seconds, allowance);
   const bool takes_over =
       next_->session->isFine() || (next_->session->hasShown() && !session()->settled());
-  if (!takes_over) return;
+  const bool is_soon = next_->opened.step && seconds < shown_since_ + kStepSeconds;
+  if (!takes_over || is_soon) return;
   shown_ = std::exchange(next_, std::nullopt);
+  shown_since_ = seconds;
+  if (session()->interaction().playing) session()->state().step = *shown_->opened.step;
   if (!showsPreview()) aside_.reset();
 }
 

@@ -14,6 +14,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/picture_notes.h"
 #include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/session/beside_volume.h"
 #include "isobrick/viewer/session/drawn_scene.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/opening_view.h"
@@ -38,15 +39,21 @@ struct SessionOptions {
   // settings; view and volume() are those of the volume, but for the range of its values.
   std::optional<PreviewOf> preview_of = {};
   // Surfaces are shown within it alone, open where it ends and, since they are progressive, without
-  // caps; in voxels of the volume.
+  // caps; in voxels of each volume.
   SurfaceRegion region = {};
-  std::string region_of = {};  // the source of that volume; others are shown as a whole
+  // Shown in the same world, each with a surface to begin with. They share the budget.
+  std::vector<OpenedVolume> beside = {};
+  std::string first = {};  // the source that these are for; others are shown as they are
+  bool is_step = false;    // one of several in time; the region is that of all
 
   // Of a session that shows `opened`.
   SessionOptions of(const OpenedVolume& opened) const {
     SessionOptions options = *this;
     options.preview_of = opened.preview_of;
-    if (opened.source != region_of) options.region = {};
+    options.is_step = opened.step.has_value();
+    if (opened.source == first) return options;
+    if (!options.is_step) options.region = {};
+    options.beside.clear();
     return options;
   }
 };
@@ -75,16 +82,20 @@ class ViewSession {
   const Interaction& interaction() const { return interaction_; }
   const ViewVolume& volume() const { return shown_.volume(); }
   const ValueHistogram& histogram() const { return histogram_; }
+  // The same of the volume that the active surface is of.
+  const ViewVolume& activeVolume() const { return activeShown().volume(); }
+  const ValueHistogram& activeHistogram() const;
+  // As the user named them.
+  const std::vector<std::string>& besideSources() const { return beside_sources_; }
   const Pyramid& pyramid() const { return *shown_.pyramid(); }
   // About how many triangles the isosurface has at the detail that is shown; 0: not known.
-  double predictedTriangles(double isovalue) const {
-    return requests_.shareOfFinest() * histogram_.trianglesAt(isovalue);
-  }
+  double predictedTriangles(double isovalue) const;
 
   // Nothing if the volume itself is shown.
   const std::optional<PreviewOf>& previewOf() const { return shown_.previewOf(); }
-  // Goes on from `other`, which shows the same volume, or a preview of it: with the current drag,
-  // the camera, and all of the view that the user changed since it was opened.
+  // Goes on from `other`, which shows a preview of the same volume: with the current drag, the
+  // camera, and all of the view that the user changed since it was opened. Or from another step of
+  // time, with all of its view.
   void follow(const ViewSession& other);
   // True if something was shown, or there is nothing to show.
   bool hasShown() const { return requests_.hasShown(); }
@@ -126,7 +137,7 @@ class ViewSession {
   // Surfaces are coloured by their pieces, which are not all known yet.
   bool waitsForPieces() const { return pieces_.waits(); }
   // The card, or the budget, has no room for surfaces as fine as the view asks for.
-  bool isOverBudget() const { return requests_.isOverBudget(); }
+  bool isOverBudget() const;
   // And the pieces are known, and the view is found that the volume opens with, for which frames
   // are drawn and noted.
   bool settled() const;
@@ -191,6 +202,13 @@ class ViewSession {
   void updateOpening();
   void updatePieces(double seconds);
   SurfaceWish wish() const;
+  SurfaceWish wishOf(const BesideVolume& beside) const {
+    return beside.wishOf(state_, volume(), interaction_.size.y);
+  }
+  // The volume beside that the active surface is of; null: it is of the session's own.
+  const BesideVolume* activeBeside() const;
+  const ShownVolume& activeShown() const;
+  ViewVolume volumeOfKeys() const;
   std::vector<ColoredPieces> coloredPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;
@@ -224,6 +242,8 @@ class ViewSession {
   PlaneSet planes_;
   SliceViews slice_views_;
   PieceList pieces_;
+  std::vector<std::string> beside_sources_;
+  std::vector<std::unique_ptr<BesideVolume>> beside_;
 };
 
 // Belongs to one thread, that of the renderer, which outlives it.
@@ -237,9 +257,14 @@ class VolumeShow {
   const OpenedVolume* opened() const { return shown_ ? &shown_->opened : nullptr; }
   bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
 
+  static constexpr double kStepSeconds = 0.1;  // for which a step of time is shown at least
+
   // A window of `size` pixels, or 0 while there is none, shows it: at once, or, after a preview of
-  // the same volume, once it is as fine as it gets, or the user changes the surface.
+  // the same volume or another step of time, once it is as fine as it gets, or the user changes
+  // the surface. A step that plays is then that of the view.
   void take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size);
+  // What would follow the shown volume does not.
+  void dropNext() { next_.reset(); }
   // No volume will follow the previews: shows again the volume before them.
   void giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size);
 
@@ -264,6 +289,7 @@ class VolumeShow {
   void open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size);
 
   const SessionOptions options_;
+  double shown_since_ = 0.0;
   std::optional<Showing> shown_, next_;
   std::optional<Aside> aside_;  // the volume shown before the previews
 };

@@ -42,6 +42,7 @@ struct OpenedVolume {
   std::optional<PreviewOf> preview_of;  // if it is one, of the build under way
   std::shared_ptr<const Pyramid> file;
   ValueHistogram histogram;
+  std::optional<int> step = {};  // its number, if it is one of several in time
 };
 
 // Opens without building; reads the histogram. `remote` is for a URL. Throws Error, and Cancelled

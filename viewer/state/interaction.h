@@ -63,6 +63,7 @@ struct Interaction {
   double last_click_seconds = -1e9;
   glm::dvec2 last_click{0.0};
   bool flying = false;
+  bool playing = false;            // one step of time after the other
   Tool tool = Tool::kNone;         // that a click on the surface is for
   std::vector<glm::dvec3> picked;  // its points so far, world
   std::array<bool, kKeyCount> held{};

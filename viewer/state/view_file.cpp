@@ -56,7 +56,7 @@ ISOBRICK_FIELDS(ViewCamera, pivot, distance, azimuth, elevation, vertical_fov, o
 ISOBRICK_FIELDS(ComponentSeed, point, area)
 ISOBRICK_FIELDS(PieceChoice, keep, hide, least_area)
 ISOBRICK_FIELDS(ViewPieceMeasure, isovalue, level, area, volume, lower, upper, center, point)
-ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces, inside)
+ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces, inside, volume)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
@@ -65,7 +65,7 @@ ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewPlane, normal, offset)
 ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window, opacity)
 ISOBRICK_FIELDS(ViewMeasurement, points)
-ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
+ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, step, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
                 value_window, coloring, values, lighting, ambient_occlusion, shadow, pictures,
                 measurements, piece_measures, capped, mesh_distance, wireframe, show_transitions,
@@ -291,8 +291,9 @@ std::string wholeName(const std::string& name) {
 }
 
 // Takes the fields that are not the state's.
-std::string takeVolume(OrderedJson& json) {
-  if (!json.is_object()) return {};
+SavedView takeVolumes(OrderedJson& json) {
+  SavedView view;
+  if (!json.is_object()) return view;
   if (json.contains("version")) {
     const OrderedJson& version = json["version"];
     if (!version.is_number_integer()) throw Error("the view's 'version' is not a whole number");
@@ -301,11 +302,13 @@ std::string takeVolume(OrderedJson& json) {
                   "; a newer isobrick reads it");
     json.erase("version");
   }
-  if (!json.contains("volume")) return {};
+  if (json.contains("beside")) fromJson(json["beside"], "beside", view.beside);
+  json.erase("beside");
+  if (!json.contains("volume")) return view;
   if (!json["volume"].is_string()) throw Error("the view's 'volume' is not a text");
-  const std::string volume = json["volume"].get<std::string>();
+  view.volume = json["volume"].get<std::string>();
   json.erase("volume");
-  return volume;
+  return view;
 }
 
 }  // namespace
@@ -318,10 +321,11 @@ SavedView readView(const std::string& path) {
   const std::string text = readTextFile(path, "view");
   try {
     OrderedJson json = parsed(text);
-    SavedView view{takeVolume(json), {}};
+    SavedView view = takeVolumes(json);
     view.state = stateFrom(std::move(json));
     const std::filesystem::path folder = folderOfView(path);
     view.volume = readPath(view.volume, folder);
+    for (std::string& beside : view.beside) beside = readPath(beside, folder);
     view.state.values.other = readPath(view.state.values.other, folder);
     return view;
   } catch (const Error& error) {
@@ -336,6 +340,8 @@ void writeView(const std::string& path, const SavedView& view) {
   OrderedJson json = OrderedJson::object();
   json["version"] = kViewVersion;
   json["volume"] = writtenPath(view.volume, folder);
+  for (const std::string& beside : view.beside)
+    json["beside"].push_back(writtenPath(beside, folder));
   json.update(toJson(state));
   const std::string text = textOf(json);
   AtomicFile file(path);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "isobrick/viewer/state/view_state.h"
 
@@ -26,10 +27,11 @@ struct SavedView {
   // As the user named it: a path, a URL, a phantom; empty: the file does not say it.
   std::string volume;
   ViewState state;
+  std::vector<std::string> beside = {};  // the volumes 1, 2, ... of its surfaces
 };
 
-// JSON with `version`, `volume` and every field of the state. Files without the first two are read
-// too. Paths below the folder of the file are relative to it there, so that both can be moved;
+// JSON with `version`, `volume`, `beside` and every field of the state. Files without these are
+// read too. Paths below the folder of the file are relative to it there, so that both can be moved;
 // other paths are absolute. Those that come back are absolute, whatever the current folder is.
 //
 // Throws Error, in one line that names the file, and the field if one is wrong.

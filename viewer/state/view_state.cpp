@@ -66,10 +66,11 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   ViewState result = state;
   const glm::dvec3 last(volume.voxels - Index3(1));
   if (result.surfaces.empty()) result.surfaces.emplace_back();
+  result.step = std::max(0, result.step);
   result.active_surface =
       std::clamp(result.active_surface, 0, static_cast<int>(result.surfaces.size()) - 1);
   for (ViewSurface& surface : result.surfaces) {
-    if (volume.has_all_values)
+    if (volume.has_all_values && surface.volume == 0)
       surface.isovalue = std::clamp(surface.isovalue, volume.least_value, volume.greatest_value);
     surface.opacity = std::clamp(surface.opacity, 0.0, 1.0);
     surface.pieces = bounded(surface.pieces);

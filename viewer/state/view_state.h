@@ -27,6 +27,7 @@ struct ViewSurface {
   bool visible = true;
   PieceChoice pieces = {};  // that are shown of it
   InsideOf inside = InsideOf::kAbove;
+  int volume = 0;  // that it is of: 0 the view's own, then those beside it
 
   bool operator==(const ViewSurface&) const = default;
 };
@@ -113,6 +114,7 @@ struct ViewState {
   std::vector<ViewSurface> surfaces = std::vector<ViewSurface>(1);  // at least one
   int active_surface = 0;  // which one keys and the slider move
   ViewFocus focus;
+  int step = 0;  // of time, if the volume has several (session/time_steps.h)
   std::optional<double> curvature_tolerance;  // Query::curvature_tolerance
   std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera
   std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes

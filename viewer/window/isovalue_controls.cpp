@@ -37,7 +37,7 @@ void bars(const std::vector<double>& counts, ImU32 color, const ImVec2& at, cons
 double valueStrip(ViewSession& session, const char* name, const std::vector<double>& counts,
                   ImU32 color, float height, float scale, const char* what) {
   ViewState& state = session.state();
-  const ValueHistogram& histogram = session.histogram();
+  const ValueHistogram& histogram = session.activeHistogram();
   ViewSurface& active = activeSurface(state);
   const ImVec2 at = ImGui::GetCursorScreenPos();
   const ImVec2 size{std::max(1.0f, ImGui::GetContentRegionAvail().x), height * scale};
@@ -58,12 +58,13 @@ double valueStrip(ViewSession& session, const char* name, const std::vector<doub
   list.PushClipRect(at, end, true);
   bars(counts, color, at, size);
   for (const ViewSurface& surface : state.surfaces) {
+    if (surface.volume != active.volume) continue;
     const bool is_active = &surface == &active;
     const float x = xOf(surface.isovalue);
     list.AddLine({x, at.y}, {x, end.y}, is_active ? kActive : kOther,
                  (is_active ? 2.0f : 1.0f) * scale);
   }
-  for (const double suggested : session.volume().isovalues) {
+  for (const double suggested : session.activeVolume().isovalues) {
     const float x = xOf(suggested), half = 5.0f * scale;
     list.AddTriangleFilled({x - half, at.y}, {x + half, at.y}, {x, at.y + 1.6f * half}, kSuggested);
   }
@@ -73,14 +74,14 @@ double valueStrip(ViewSession& session, const char* name, const std::vector<doub
 
 // The pencil of isosurfaces: area, and triangles at the detail that is shown, of every isovalue.
 void contourSpectrum(ViewSession& session, float scale) {
-  const ValueHistogram& histogram = session.histogram();
+  const ValueHistogram& histogram = session.activeHistogram();
   if (histogram.edges.empty()) return;
   const double value = valueStrip(
       session, "areas", histogram.edges, kAreas, 40.0f, scale,
       "How large the isosurface of each value is, as a logarithm, found when the pyramid was "
       "built. The line below says its area, and how many triangles it has as fine as surfaces are "
       "shown now. Drag to move the isovalue.");
-  const GridGeometry& geometry = session.volume().geometry;
+  const GridGeometry& geometry = session.activeVolume().geometry;
   const glm::dvec3 per_unit = 1.0 / geometry.spacing;
   // Of a surface in all directions, half of the area is seen along each axis.
   const double edges_per_area =
@@ -100,16 +101,16 @@ int digitsOf(const ViewVolume& volume) {
 }
 
 void suggestions(ViewSession& session) {
-  if (session.volume().isovalues.empty()) return;
+  if (session.activeVolume().isovalues.empty()) return;
   ViewState& state = session.state();
   double& isovalue = activeSurface(state).isovalue;
   ImGui::AlignTextToFramePadding();
   ImGui::TextDisabled("suggested");
   int number = 0;
-  for (const double suggested : session.volume().isovalues) {
+  for (const double suggested : session.activeVolume().isovalues) {
     ImGui::SameLine();
     ImGui::PushID(number++);
-    if (ImGui::Button(text("%.*g", digitsOf(session.volume()), suggested).c_str()))
+    if (ImGui::Button(text("%.*g", digitsOf(session.activeVolume()), suggested).c_str()))
       isovalue = suggested;
     explain("This isovalue. R steps through those that are suggested.");
     ImGui::PopID();
@@ -119,13 +120,13 @@ void suggestions(ViewSession& session) {
 }  // namespace
 
 void isovalueControls(ViewSession& session, float scale) {
-  valueStrip(session, "histogram", session.histogram().counts, kCounts, 90.0f, scale,
+  valueStrip(session, "histogram", session.activeHistogram().counts, kCounts, 90.0f, scale,
              "How many voxels have each value, as a logarithm. Drag to move the isovalue; green "
              "marks are the values that are suggested.");
   ViewState& state = session.state();
   double& isovalue = activeSurface(state).isovalue;
-  const double step = isovalueStep(session.volume());
-  const std::string format = text("%%.%dg", digitsOf(session.volume()));
+  const double step = isovalueStep(session.activeVolume());
+  const std::string format = text("%%.%dg", digitsOf(session.activeVolume()));
   ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, format.c_str());
   explain("Of the active surface. The left and right arrows move it, with Shift faster.");
   InsideOf& inside = activeSurface(state).inside;

@@ -1,5 +1,6 @@
 #include "isobrick/viewer/window/open_volumes.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 
@@ -25,10 +26,17 @@ OpenVolumes::OpenVolumes(const ViewOptions& options, const SessionOptions& sessi
       files_(files),
       recent_(readRecentFiles(options.recent_path)),
       show_(sessions),
+      steps_(options.steps, options.steps_open),
       opener_(options.build, options.memory_bytes, options.remote) {}
 
 void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
   const bool is_preview = opened.preview_of.has_value();
+  if (session() == nullptr && steps_.count() > 0 && opened.source == steps_.path(0)) {
+    opened.step = 0;
+    steps_.keep(opened);
+  } else if (!is_preview) {
+    steps_.closeAll();
+  }
   const std::string source = opened.source, pyramid = opened.pyramid;
   show_.take(std::move(opened), target_.renderer(), size);
   nameAfter(source, is_preview ? " (preview)" : "");
@@ -54,8 +62,52 @@ void OpenVolumes::giveUpPreview(const glm::dvec2& size) {
     target_.setTitle("isobrick");
 }
 
+bool OpenVolumes::goesOnInTime() const {
+  return showsStep() &&
+         (session()->interaction().playing || session()->state().step != *opened()->step);
+}
+
+// Makes the step that the view asks for or, while they play, the next one, beside the shown one.
+void OpenVolumes::goOnInTime(const glm::dvec2& size) {
+  if (session() == nullptr) return;
+  int& wanted = session()->state().step;
+  wanted = std::clamp(wanted, 0, std::max(0, steps() - 1));
+  bool& plays = session()->interaction().playing;
+  plays = plays && showsStep();
+  if (!showsStep() || (busy() && !next_step_)) return;
+  const int shown = *opened()->step;
+  if (next_step_ == shown) {
+    next_step_.reset();
+    nameAfter(opened()->source, "");
+  }
+  std::optional<int> next;
+  if (wanted != shown)
+    next = wanted;
+  else if (plays)
+    next = (shown + 1) % steps_.count();
+  if (next == next_step_) return;
+  next_step_ = next;
+  show_.dropNext();
+  opener_.cancel();
+  if (!next) return;
+  if (auto open = steps_.find(*next, shown))
+    show_.take(std::move(*open), target_.renderer(), size);
+  else
+    opener_.open(steps_.path(*next));
+}
+
+// The shown step stays.
+void OpenVolumes::stayInTime() {
+  if (!showsStep()) return;
+  next_step_.reset();
+  show_.dropNext();
+  session()->interaction().playing = false;
+  session()->state().step = *opened()->step;
+}
+
 void OpenVolumes::take(const glm::dvec2& size, bool keeps_preview,
                        const std::optional<std::string>& is_needed) {
+  goOnInTime(size);
   if (!outcome_) outcome_ = opener_.poll();
   if (auto preview = opener_.takePreview()) show(std::move(*preview), size);
   if (keeps_preview && show_.showsPreview()) return;
@@ -65,13 +117,22 @@ void OpenVolumes::take(const glm::dvec2& size, bool keeps_preview,
   if (!outcome->volume && session() == nullptr && is_needed == outcome->source)
     throw Error(outcome->error);
   error_ = outcome->error;
-  if (outcome->volume) show(std::move(*outcome->volume), size);
+  if (!next_step_) {
+    if (outcome->volume) show(std::move(*outcome->volume), size);
+  } else if (outcome->volume) {
+    outcome->volume->step = next_step_;
+    steps_.keep(*outcome->volume);
+    show_.take(std::move(*outcome->volume), target_.renderer(), size);
+  } else {
+    stayInTime();
+  }
 }
 
 void OpenVolumes::grant(const Wishes& wishes, const glm::dvec2& size) {
   if (wishes.stop_opening || wishes.open) {
     error_.clear();
     outcome_.reset();
+    stayInTime();
   }
   if (wishes.stop_opening) {
     opener_.cancel();

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/viewer/session/time_steps.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/window/output_files.h"
@@ -39,10 +40,18 @@ class OpenVolumes {
   const OpenedVolume* opened() const { return show_.opened(); }
   bool showsPreview() const { return show_.showsPreview(); }
   // All that was opened is shown, as fine as it gets.
-  bool settled() const { return !busy() && !outcome_ && show_.settled(); }
+  bool settled() const { return !busy() && !outcome_ && show_.settled() && !goesOnInTime(); }
+  // Another step than the shown one is chosen, or they play.
+  bool goesOnInTime() const;
+  // Of time, of which one is shown; 0: there are none.
+  int steps() const { return showsStep() ? steps_.count() : 0; }
   bool busy() const { return opener_.status().busy; }
 
-  VolumeOpener::Status status() const { return opener_.status(); }
+  // Nothing of steps that play: they are opened all the time.
+  VolumeOpener::Status status() const {
+    const bool plays = session() != nullptr && session()->interaction().playing;
+    return plays ? VolumeOpener::Status{} : opener_.status();
+  }
   // Why the last opening ended without a volume; empty: it did not.
   const std::string& error() const { return error_; }
   // Opened last, latest first.
@@ -51,6 +60,9 @@ class OpenVolumes {
  private:
   void nameAfter(const std::string& source, const char* what);
   void giveUpPreview(const glm::dvec2& size);
+  bool showsStep() const { return opened() != nullptr && opened()->step; }
+  void goOnInTime(const glm::dvec2& size);
+  void stayInTime();
 
   const std::string recent_path_;
   ViewTarget& target_;
@@ -58,7 +70,9 @@ class OpenVolumes {
   std::vector<std::string> recent_;
   std::string error_;
   VolumeShow show_;
-  VolumeOpener opener_;  // its end waits for that of a build
+  TimeSteps steps_;
+  std::optional<int> next_step_;  // that is opened, or made beside the shown one
+  VolumeOpener opener_;           // its end waits for that of a build
   std::optional<VolumeOpener::Outcome> outcome_;
 };
 

@@ -41,7 +41,9 @@ std::vector<std::string> viewsIn(const std::string& folder, const CancelFlag& ca
 }
 
 SavedView viewOf(const OutputFiles::Sight& sight) {
-  return {sight.opened != nullptr ? sight.opened->source : std::string(), sight.state};
+  SavedView view{sight.opened != nullptr ? sight.opened->source : std::string(), sight.state};
+  if (sight.session != nullptr) view.beside = sight.session->besideSources();
+  return view;
 }
 
 }  // namespace

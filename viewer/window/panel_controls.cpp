@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <glm/geometric.hpp>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/view_panel.h"
@@ -119,6 +122,7 @@ void focusControls(const ViewVolume& volume, ViewFocus& focus) {
 void surfaces(ViewSession& session, float scale) {
   if (!ImGui::CollapsingHeader("surfaces", ImGuiTreeNodeFlags_DefaultOpen)) return;
   ViewState& state = session.state();
+  const std::vector<std::string>& sources = session.besideSources();
   std::optional<std::size_t> removed;
   for (std::size_t i = 0; i < state.surfaces.size(); ++i) {
     ViewSurface& surface = state.surfaces[i];
@@ -138,6 +142,11 @@ void surfaces(ViewSession& session, float scale) {
     explain("Below 1 you see through it.");
     ImGui::SameLine();
     ImGui::Text("%.6g", surface.isovalue);
+    if (const int beside = surface.volume - 1; beside >= 0 && beside < std::ssize(sources)) {
+      ImGui::SameLine();
+      const std::filesystem::path source = sources[static_cast<std::size_t>(beside)];
+      ImGui::TextDisabled("%s", shownName(source.stem().string()).c_str());
+    }
     if (state.surfaces.size() > 1) {
       ImGui::SameLine();
       if (ImGui::Button("x")) removed = i;
@@ -237,6 +246,15 @@ Wishes files(ViewState& state, float scale) {
 }
 
 }  // namespace
+
+void timeControls(ViewSession& session, int steps) {
+  if (steps == 0) return;
+  ImGui::SliderInt("step", &session.state().step, 0, steps - 1);
+  explain("Of time: which FILE is shown. The up and down arrows go from one to the next.");
+  ImGui::SameLine();
+  ImGui::Checkbox("play", &session.interaction().playing);
+  explain("One after the other, and again; each is made while the one before is shown (J).");
+}
 
 void detailControls(ViewSession& session) {
   ViewState& state = session.state();

@@ -7,6 +7,8 @@
 
 namespace isobrick {
 
+// The step of time that is wanted, if there are `steps`.
+void timeControls(ViewSession& session, int steps);
 // The isovalue of the active surface, between the histogram and the contour spectrum, both with all
 // surfaces and suggestions.
 void isovalueControls(ViewSession& session, float scale);

@@ -124,6 +124,8 @@ void pieceRows(ViewSession& session, float scale) {
 
 void pieceControls(ViewSession& session, float scale) {
   if (!ImGui::CollapsingHeader("pieces")) return;
+  if (&session.activeVolume() != &session.volume())
+    return ImGui::TextWrapped("Only surfaces of the first volume have a list of their pieces.");
   pickAndList(session);
   chosenPieces(session, scale);
   pieceRows(session, scale);

@@ -47,7 +47,7 @@ constexpr std::array<const char*, 3> kAxisNames{"x", "y", "z"};
 std::vector<SliceContour> contoursOf(const ViewState& state) {
   std::vector<SliceContour> contours;
   for (const ViewSurface& surface : state.surfaces)
-    if (surface.visible && surface.opacity > 0.0)
+    if (surface.volume == 0 && surface.visible && surface.opacity > 0.0)
       contours.push_back({surface.isovalue, surface.color});
   return contours;
 }

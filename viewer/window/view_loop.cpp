@@ -63,7 +63,8 @@ class ViewLoop {
         player_(readScript(options)),
         target_(host.target ? std::move(host.target) : makeTarget(options, player_)),
         panel_(std::make_unique<ViewPanel>(target_->scale(), *target_)),
-        sessions_{options.threads, options.gpu_budget_bytes, {}, options.region, path_},
+        sessions_{options.threads, options.gpu_budget_bytes, {},
+                  options.region,  options.beside,           path_},
         files_(options.state_path, options.frames_folder, sessions_),
         volumes_(options, sessions_, *target_, files_),
         input_(*target_),
@@ -93,7 +94,8 @@ class ViewLoop {
   bool awaitsClick() const { return session() != nullptr && session()->awaitsClick(); }
   bool awake() const {
     return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 ||
-           !volumes_.shown().settled() || (session() != nullptr && session()->interaction().flying);
+           !volumes_.shown().settled() || volumes_.goesOnInTime() ||
+           (session() != nullptr && session()->interaction().flying);
   }
   bool settled() const { return volumes_.settled() && unwritten() == 0; }
   std::size_t unwritten() const { return files_.unwrittenMeshes() + files_.unwrittenPictures(); }
@@ -203,11 +205,12 @@ class ViewLoop {
     }
     files_.takeDone();
     const std::string& failure = draw_error_.empty() ? files_.meshError() : draw_error_;
-    addWishes(panel_->build(session(),
-                            {log_.latest(), files_.message(), target_->renderer().deviceName(),
-                             volumes_.status(), volumes_.error(), volumes_.recent(),
-                             files_.meshUnderWay(), failure, guard_.question(), files_.views()},
-                            input_.areas(session())),
+    addWishes(panel_->build(
+                  session(),
+                  {log_.latest(), files_.message(), target_->renderer().deviceName(),
+                   volumes_.status(), volumes_.error(), volumes_.recent(), files_.meshUnderWay(),
+                   failure, guard_.question(), files_.views(), volumes_.steps()},
+                  input_.areas(session())),
               wishes);
     return wishes;
   }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/session/view_session.h"
@@ -14,10 +15,14 @@
 namespace isobrick {
 
 struct ViewOptions {
-  std::string path;                // a pyramid, or a name that `build` takes; empty: nothing yet
-  VolumeBuilder build;             // of a volume that is no pyramid
-  std::uint64_t memory_bytes = 0;  // of the file, as Pyramid takes it
-  RemoteOptions remote;            // if it is behind a URL
+  std::string path;                  // a pyramid, or a name that `build` takes; empty: nothing yet
+  std::vector<OpenedVolume> beside;  // in the same world
+  // Pyramids that are its steps in time, itself the first, and how many of them stay open.
+  std::vector<std::string> steps;
+  std::size_t steps_open = 2;
+  VolumeBuilder build;                 // of a volume that is no pyramid
+  std::uint64_t memory_bytes = 0;      // of the file, as Pyramid takes it
+  RemoteOptions remote;                // if it is behind a URL
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
   SurfaceRegion region;                // of the volume at `path`: all that is shown of it

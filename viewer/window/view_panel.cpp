@@ -132,6 +132,7 @@ Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
                        ImGuiWindowFlags_HorizontalScrollbar | ImGuiWindowFlags_NoNav |
                        ImGuiWindowFlags_NoBringToFrontOnFocus)) {
     ImGui::PushItemWidth(0.52f * width);
+    timeControls(session, facts.steps);
     wishes = buildControls(session, scale);
     ImGui::PushID("views");
     addWishes(views_panel_.build(facts.views, scale), wishes);

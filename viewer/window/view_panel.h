@@ -162,6 +162,7 @@ struct PanelFacts {
   std::string failure;                     // beside the session's: of a mesh, of the drawing
   const std::optional<UserQuestion>& question;
   const NamedViews& views;
+  int steps = 0;  // of time; 0: there are none
 };
 
 // Asks in the middle of the window; Enter is a yes, Esc a no. The answer is a wish.

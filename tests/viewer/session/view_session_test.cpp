@@ -83,7 +83,7 @@ TEST_F(ViewSessionTest, ARegionCutsAllSurfaces) {
   const std::uint64_t whole = trianglesShown();
   SessionOptions options{2};
   options.region.half_spaces = {{{1, 0, 0}, 30}};
-  options.region_of = "ball";
+  options.first = "ball";
   session_ = std::make_unique<ViewSession>(pyramid_, renderer_, options);
   session_->apply(InputEvent::resized(200, 100), 0.0, false);
   settle();

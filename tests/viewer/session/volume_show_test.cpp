@@ -212,5 +212,45 @@ TEST_F(VolumeShowTest, BothOutliveTheirRenderer) {
   EXPECT_FALSE(renderer_.frame().chunks.empty());
 }
 
+// The next one is made while one is shown: there is never a frame without a surface.
+TEST_F(VolumeShowTest, AStepOfTimeFollowsAnotherWithItsView) {
+  const auto step = [&](int number, double radius, const char* name) {
+    OpenedVolume opened = openPyramid(
+        test::buildField(
+            folder_, Index3(40),
+            [=](const glm::dvec3& p) { return radius - glm::distance(p, glm::dvec3(19.5)); }, {},
+            {}, name),
+        std::uint64_t{64} << 20);
+    opened.step = number;
+    return opened;
+  };
+  take(step(0, 12.0, "0.isb"));
+  framesUntil([&] { return show_.settled(); });
+  ViewState& state = show_.session()->state();
+  state.surfaces[0].isovalue = 1.0;
+  state.camera.azimuth = 77.0;
+  framesUntil([&] { return show_.settled(); });
+  const std::uint64_t before = show_.session()->status().triangles;
+  EXPECT_GT(before, 0u);
+  show_.session()->interaction().playing = true;
+  take(step(1, 8.0, "1.isb"));
+  framesUntil([&] {
+    EXPECT_FALSE(renderer_.frame().chunks.empty());
+    return show_.settled();
+  });
+  EXPECT_EQ(show_.opened()->step, 1);
+  EXPECT_EQ(show_.session()->state().step, 1);
+  EXPECT_EQ(show_.session()->state().camera.azimuth, 77.0);
+  EXPECT_EQ(show_.session()->state().surfaces[0].isovalue, 1.0);
+  EXPECT_LT(show_.session()->status().triangles, before);
+  // An isovalue that no voxel of a step has stays that of all.
+  const double since = clock_;
+  take(step(2, 0.5, "2.isb"));
+  framesUntil([&] { return show_.settled(); });
+  EXPECT_GE(clock_, since + VolumeShow::kStepSeconds - 0.051);
+  EXPECT_EQ(show_.session()->status().triangles, 0u);
+  EXPECT_EQ(show_.session()->state().surfaces[0].isovalue, 1.0);
+}
+
 }  // namespace
 }  // namespace isobrick

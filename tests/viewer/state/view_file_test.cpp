@@ -62,6 +62,20 @@ TEST_F(ViewFileTest, PathsBelowItsFolderMoveWithIt) {
   EXPECT_EQ(view.state.values.other, elsewhere.file("more/pet.isb"));
 }
 
+TEST_F(ViewFileTest, VolumesBesideComeBack) {
+  SavedView view = viewOf(folder_.file("ct.isb"), "");
+  view.beside = {folder_.file("pet.isb"), "/data/mr.isb"};
+  view.state.surfaces.resize(3);
+  view.state.surfaces[2].volume = 2;
+  writeView(path_, view);
+  EXPECT_EQ(written()["beside"], nlohmann::json({"pet.isb", "/data/mr.isb"}));
+  EXPECT_EQ(readView(path_).beside, view.beside);
+  EXPECT_EQ(readView(path_).state, view.state);
+  writeView(path_, viewOf("", ""));
+  EXPECT_FALSE(written().contains("beside"));
+  EXPECT_NE(refusal(R"({"beside": [1]})").find("beside"), std::string::npos);
+}
+
 TEST_F(ViewFileTest, OtherPathsAreAbsolute) {
   writeView(path_, viewOf("here.isb", "https://host/pet.isb"));
   EXPECT_EQ(written()["volume"], (fs::current_path() / "here.isb").string());

@@ -22,6 +22,7 @@ ViewState fullState() {
   state.surfaces = {{512.5, {0.1f, 0.2f, 0.3f}, 0.25, false},
                     {-3.0, {0.91f, 0.8f, 0.7f}, 0.5, false}};
   state.active_surface = 1;
+  state.step = 3;
   state.focus = {{10.0, 20.5, 30.0}, 77.7, true, false, true};
   state.curvature_tolerance = 0.125;
   state.view_pixels = 1.5;
@@ -40,6 +41,7 @@ ViewState fullState() {
   state.shadow = true;
   state.pictures = {true, 3, true, true, true};
   for (ViewSurface& surface : state.surfaces) surface.inside = InsideOf::kBelow;
+  for (ViewSurface& surface : state.surfaces) surface.volume = 2;
   for (ViewSurface& surface : state.surfaces)
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
   state.piece_measures = {{1.0, 2, 3.0, 4.0, {5, 6, 7}, {8, 9, 10}, {11, 12, 13}, {14, 15, 16}}};

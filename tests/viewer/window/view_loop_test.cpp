@@ -5,8 +5,12 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/window/gl_target.h"
@@ -128,6 +132,34 @@ TEST_F(ViewLoopTest, OnAnotherScreenItLooksAsIfItHadBeenOpenedThere) {
     screens[first == 1.0 ? 1 : 0] = file("moved.png");
   }
   EXPECT_TRUE(screens[0] == screens[1]);
+}
+
+// Round and round, with all of them open or two: then others are opened meanwhile.
+TEST_F(ViewLoopTest, StepsOfTimePlay) {
+  for (const double radius : {6.0, 8.0, 10.0, 12.0, 14.0})
+    options_.steps.push_back(test::buildField(
+        folder_, Index3(32),
+        [=](const glm::dvec3& p) { return radius - glm::distance(p, glm::dvec3(15.5)); }, {}, {},
+        "run-" + std::to_string(options_.steps.size()) + ".isb"));
+  options_.path = options_.steps.front();
+  std::ofstream(options_.script_path) << R"({"size": [200, 150], "steps": [{"wait": "settled"},
+      {"set": {"focus": {"everywhere": true}}}, {"key": "J"}, {"wait": 4}, {"key": "J"},
+      {"wait": "settled"}]})";
+  for (const std::size_t most_open : {5u, 2u}) {
+    options_.steps_open = most_open;
+    std::map<std::string, std::set<const Pyramid*>> opened;
+    std::vector<std::string> order;
+    runView(options_, {{}, [&](ViewSession* session, bool) {
+                         const std::string& path = session->pyramid().path();
+                         if (order.empty() || order.back() != path) order.push_back(path);
+                         opened[path].insert(&session->pyramid());
+                         EXPECT_TRUE(order.size() == 1 || session->status().triangles > 0);
+                       }});
+    EXPECT_GT(order.size(), 6u);
+    for (std::size_t i = 0; i < order.size(); ++i) EXPECT_EQ(order[i], options_.steps[i % 5]);
+    if (most_open < 5) continue;
+    for (const auto& [path, pyramids] : opened) EXPECT_EQ(pyramids.size(), 1u) << path;
+  }
 }
 
 // Without a surface there is nothing to wait for, and undo works.
