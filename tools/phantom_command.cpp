@@ -10,7 +10,7 @@
 #include "isobrick/storage/grid.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
