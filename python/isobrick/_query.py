@@ -77,15 +77,9 @@ class Detail:
             raise Error(f"the focus {self.focus} is not three numbers, (x, y, z)")
 
 
-class Choice(TypedDict, total=False):
-    """The keywords of ``Query``, which the calls that extract take beside their own."""
+class FinestChoice(TypedDict, total=False):
+    """The keywords of ``Query`` that level 0 alone has: what ``isosurface`` takes beside its own."""
 
-    focus: Sequence[float] | None
-    radius: float | None
-    level: int | None
-    view: View | None
-    curvature: float | None
-    or_finer: Sequence[Detail]
     box: Sequence[Sequence[float]] | None
     mask: Any
     clip: ArrayLike | None
@@ -97,6 +91,17 @@ class Choice(TypedDict, total=False):
     attributes: Mapping[str, Attribute]
     indices: bool
     inside: Inside
+
+
+class Choice(FinestChoice, total=False):
+    """The keywords of ``Query``, which the calls that extract take beside their own."""
+
+    focus: Sequence[float] | None
+    radius: float | None
+    level: int | None
+    view: View | None
+    curvature: float | None
+    or_finer: Sequence[Detail]
 
 
 @dataclass(frozen=True)
