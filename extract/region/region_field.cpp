@@ -24,13 +24,6 @@ const SurfaceRegion& checkedRegion(const SurfaceRegion& region) {
   return region;
 }
 
-std::vector<RegionWall> wallsOf(const SurfaceRegion& region) {
-  std::vector<RegionWall> walls;
-  for (const HalfSpace& half_space : region.half_spaces) walls.emplace_back(half_space);
-  for (const RegionBall& ball : region.balls) walls.emplace_back(ball);
-  return walls;
-}
-
 }  // namespace
 
 RegionWall::RegionWall(const HalfSpace& half_space)
@@ -83,6 +76,13 @@ BoxSide RegionWall::sideOf(const glm::dvec3& lower, const glm::dvec3& upper) con
     if (lower[axis] > at_[axis] + reach_[axis] || upper[axis] < at_[axis] - reach_[axis])
       return BoxSide::kOutside;
   return BoxSide::kCut;
+}
+
+std::vector<RegionWall> wallsOf(const SurfaceRegion& region) {
+  std::vector<RegionWall> walls;
+  for (const HalfSpace& half_space : region.half_spaces) walls.emplace_back(half_space);
+  for (const RegionBall& ball : region.balls) walls.emplace_back(ball);
+  return walls;
 }
 
 RegionField::RegionField(const SurfaceRegion& region, const Pyramid& volume)

@@ -39,6 +39,9 @@ class RegionWall {
   glm::dvec3 reach_{0.0};   // of a ball, along the axes of the voxels
 };
 
+// Those of a region.
+std::vector<RegionWall> wallsOf(const SurfaceRegion& region);
+
 // Shared by all threads, each of which has readers of its own. The region outlives it.
 class RegionField {
  public:
