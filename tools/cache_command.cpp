@@ -11,13 +11,11 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/part_cache.h"
 #include "isobrick/storage/pyramid.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
+#include "tools/plain_text.h"
 #include "tools/pyramid_cache.h"
 #include "tools/shared_options.h"
-#include "tools/text_table.h"
 #include "tools/volume_input.h"
 
 namespace isobrick {
@@ -36,14 +34,12 @@ std::string pyramidsText(std::size_t count) {
 // The volume that it was made of; empty if its file does not state it.
 std::string sourceOf(const CachedPyramid& entry) try {
   const Pyramid pyramid(entry.path);
-  const Json json = parseShallowJson<Json>(pyramid.provenance());
-  const bool says = json.is_object() && json.contains("source") && json["source"].is_string();
-  return says ? json["source"].get<std::string>() : std::string();
+  return textOf(member(parseShallowJson(pyramid.provenance()), "source"));
 } catch (const Error&) {
   return {};
 }
 
-std::string textOf(const std::timespec& time) {
+std::string timeText(const std::timespec& time) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(time.tv_sec));
 }
 
@@ -57,7 +53,7 @@ void printCacheJson(const std::string& folder, const std::vector<CachedPyramid>&
     total += entry.bytes;
     json["pyramids"].push_back({{"path", entry.path},
                                 {"bytes", entry.bytes},
-                                {"last_used", textOf(entry.last_used)},
+                                {"last_used", timeText(entry.last_used)},
                                 {"whole", entry.is_whole},
                                 {"source", sourceOf(entry)}});
   }
@@ -73,7 +69,7 @@ void printCacheText(const std::string& folder, const std::vector<CachedPyramid>&
   for (const CachedPyramid& entry : entries) {
     total += entry.bytes;
     table.add({entry.path.substr(entry.path.rfind('/') + 1), byteSizeText(entry.bytes),
-               textOf(entry.last_used),
+               timeText(entry.last_used),
                entry.is_whole ? oneLine(sourceOf(entry)) : "(unfinished)"});
   }
   fmt::print("{}{}: {}, {} of at most {}\n", table.text(), oneLine(folder), entries.size(),

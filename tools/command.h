@@ -37,7 +37,7 @@ inline auto optionsOf(const CLI::App& app) {
 }
 
 // The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp,
-// view/isobrick_view_commands.cpp).
+// view/view_command.cpp).
 std::vector<Command> addCommands(CLI::App& app);
 
 // The subcommand for a file that is named without one; nothing if the word is no file.

@@ -2,17 +2,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/extract/sinks/xml_text.h"
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote_options.h"
@@ -24,11 +29,9 @@
 #include "tools/json_output.h"
 #include "tools/neuroglancer/extract_meshes.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
-#include "tools/output_check.h"
-#include "tools/output_names.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
-#include "tools/pvd_list.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
 
@@ -118,12 +121,6 @@ ExtractResults extractFromPyramid(ExtractArguments& arguments) {
   return runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
 }
 
-ExtractResults extractOneVolume(ExtractArguments& arguments) {
-  std::optional<ExtractResults> results;
-  if (needsNoPyramid(arguments)) results = extractVolume(arguments);
-  return results ? std::move(*results) : extractFromPyramid(arguments);
-}
-
 // The arguments for each of the labels, whose surfaces get files of their own if there are several
 // and not together; the arguments as they are without --label.
 std::vector<ExtractArguments> argumentsOfLabels(const ExtractArguments& arguments) {
@@ -163,32 +160,52 @@ std::vector<ExtractArguments> argumentsOfFiles(const ExtractArguments& arguments
   return all;
 }
 
-// One after the other; each is a volume of its own. Those that need no pyramid come first: for them
-// this program may become another one, which begins anew.
+// One after the other; each is a volume of its own.
 ExtractResults extractAll(std::vector<ExtractArguments> all) {
-  std::vector<std::optional<ExtractResults>> results(all.size());
+  // Before the first one: this program may become another one here.
+  VolumeExtraction* const extract_volume =
+      std::ranges::any_of(all, needsNoPyramid) ? volumeExtraction() : nullptr;
+  std::optional<ExtractResults> together;
   std::shared_ptr<MeshCollection> collection;  // of the labels of one file
-  for (const bool with_pyramid : {false, true})
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      if (results[i] || needsNoPyramid(all[i]) == with_pyramid) continue;
-      all[i].collection = std::move(collection);
-      results[i] = extractOneVolume(all[i]);
-      if (all[i].label) {
-        const bool is_last = i + 1 == all.size() || all[i + 1].step != all[i].step;
-        if (!is_last)
-          collection = all[i].collection;
-        else if (all[i].collection != nullptr)
-          all[i].collection->finish();
-      }
-      for (ExtractResult& surface : results[i]->surfaces) {
-        surface.label = all[i].label;
-        surface.step = all[i].step;
-        if (all[i].query.files.size() > 1) surface.file = all[i].query.input.path;
-      }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    ExtractArguments& one = all[i];
+    one.collection = std::move(collection);
+    std::optional<ExtractResults> results;
+    if (needsNoPyramid(one)) results = extract_volume(one);
+    if (!results) results = extractFromPyramid(one);
+    if (one.label && i + 1 < all.size() && all[i + 1].step == one.step)
+      collection = one.collection;
+    else if (one.label && one.collection != nullptr)
+      one.collection->finish();
+    for (ExtractResult& surface : results->surfaces) {
+      surface.label = one.label;
+      surface.step = one.step;
+      if (one.query.files.size() > 1) surface.file = one.query.input.path;
     }
-  ExtractResults together = std::move(*results.front());
-  for (std::size_t i = 1; i < results.size(); ++i) addResults(std::move(*results[i]), together);
-  return together;
+    if (together)
+      addResults(std::move(*results), *together);
+    else
+      together = std::move(results);
+  }
+  return std::move(*together);
+}
+
+constexpr std::string_view kPvdEnding = ".pvd";
+
+// ParaView's list of files that are the steps of one surface: each surface at its step, the
+// surfaces of one step as its parts. Their files lie beside `path`.
+void writePvd(const std::string& path, const std::vector<ExtractResult>& surfaces) {
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n";
+  std::map<std::size_t, int> parts;  // of each step, so far
+  for (const ExtractResult& surface : surfaces)
+    text += fmt::format("    <DataSet timestep=\"{}\" part=\"{}\" file=\"{}\"/>\n", surface.step,
+                        parts[surface.step]++,
+                        xmlText(std::filesystem::path(surface.output).filename().string()));
+  text += "  </Collection>\n</VTKFile>\n";
+  AtomicFile file(path);
+  file.write(text.data(), text.size());
+  file.commit();
 }
 
 // -o run.pvd: each surface is a .vtp beside it. Returns the name of the list; empty: none is
@@ -285,20 +302,18 @@ std::vector<CLI::Option*> addDetailOptions(CLI::App& app, ExtractArguments& argu
   return {triangles, components, largest, drop_below, check};
 }
 
-void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
-                    const std::vector<CLI::Option*>& of_whole_surface) {
+void addOutputOptions(CLI::App& app, ExtractArguments& arguments,
+                      const std::vector<CLI::Option*>& of_whole_surface) {
   beginGroup(app, kOutputGroup);
-  CLI::Option* const output =
-      app.add_option(
-             "-o,--output", arguments.output,
-             "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; .pvd: a "
-             ".vtp for each FILE, as steps of time, and their list for ParaView; "
-             ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
-             "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
-             "isovalues or labels gets a file: mesh-500.ply; so does each FILE, mesh-run.ply, "
-             "or where {name} stands")
-          ->type_name("MESH");
-  addForceFlag(app, arguments.force)->needs(output);
+  CLI::Option* const output = addMeshOptions(
+      app, arguments,
+      "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, in world units; .pvd: a "
+      ".vtp for each FILE, as steps of time, and their list for ParaView; "
+      ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
+      "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
+      "isovalues or labels gets a file: mesh-500.ply; so does each FILE, mesh-run.ply, "
+      "or where {name} stands",
+      true);
   CLI::Option* const part = addParsedOption(
       app, "--part", arguments.part, parseShare, "I/N",
       "Do share I of N shares, I from 1: some of the surface's bricks. 'isobrick merge' joins the "
@@ -306,7 +321,6 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
       "other shares begin");
   for (CLI::Option* const option : of_whole_surface) part->excludes(option);
   addAttributeOptions(app, arguments.attributes, arguments.coloring, output);
-  addPlacementOptions(app, arguments.placement, output, true);
   CLI::Option* const together =
       app.add_flag("--together", arguments.together,
                    "All isovalues in one file, .glb or .3mf, each an object named by its isovalue; "
@@ -320,11 +334,6 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
       "With --together: colour of the surface, #rrggbb, a name such as red, or R,G,B from 0 to 1, "
       "sRGB; once for each isovalue or label")
       ->needs(together);
-  app.add_flag("--zlib", arguments.zlib, "Pack .vtp with zlib")->needs(output);
-  app.add_flag("--meshopt", arguments.meshopt,
-               "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "
-               "normals to 10 bits")
-      ->needs(output);
   addParsedOption(app, "--repeat", arguments.repeat, integerWithin(1, 1000000), "N",
                   "Extract N times; the last one is written")
       ->group(kProgramGroup);
@@ -338,7 +347,7 @@ Command addExtractCommand(CLI::App& app) {
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query, true);
   addRegionOptions(*sub, arguments->query.region);
-  addMeshOptions(*sub, *arguments, addDetailOptions(*sub, *arguments));
+  addOutputOptions(*sub, *arguments, addDetailOptions(*sub, *arguments));
   addJsonFlag(*sub, arguments->json);
   sub->footer(R"(
 Example:

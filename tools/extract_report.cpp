@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "isobrick/storage/remote_options.h"
-#include "tools/byte_size.h"
-#include "tools/line_words.h"
+#include "tools/plain_text.h"
 
 namespace isobrick {
 

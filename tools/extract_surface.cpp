@@ -7,24 +7,19 @@
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/remote_options.h"
-#include "tools/byte_size.h"
 #include "tools/interrupt.h"
-#include "tools/line_words.h"
-#include "tools/output_check.h"
-#include "tools/output_names.h"
+#include "tools/outputs.h"
+#include "tools/plain_text.h"
 
 namespace isobrick {
 namespace {
 
 MeshFileOptions fileOptionsOf(const ExtractArguments& arguments, const Pyramid& pyramid,
                               const SurfaceAttributes& attributes) {
-  const PyramidSpec& spec = pyramid.spec();
-  return {.cancel = &interruptFlag(),
-          .attributes = attributes.attributes,
-          .colors = attributes.colors,
-          .placement = placementOf(arguments.placement, spec.geometry, spec.voxels),
-          .zlib = arguments.zlib,
-          .meshopt = arguments.meshopt};
+  MeshFileOptions options = meshFileOptions(arguments, &pyramid.spec());
+  options.attributes = attributes.attributes;
+  options.colors = attributes.colors;
+  return options;
 }
 
 bool numbersComponents(const ExtractArguments& arguments) {

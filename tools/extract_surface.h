@@ -18,35 +18,28 @@
 #include "tools/attribute_options.h"
 #include "tools/extract_report.h"
 #include "tools/measured_sink.h"
-#include "tools/placement_options.h"
+#include "tools/mesh_options.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 
 namespace isobrick {
 
-struct ExtractArguments {
+struct ExtractArguments : MeshOptions {
   QueryOptions query;
   std::optional<std::uint64_t> label;        // whose surface it is
   std::size_t step = 0;                      // which of several FILE it is
-  std::string output;                        // empty: the mesh is counted only
   std::vector<AttributeOptions> attributes;  // of vertices
   ColoringOptions coloring;
-  bool check = false;  // look at the mesh
   std::optional<std::uint64_t> most_triangles;
   bool drop_small = false;
   bool list_components = false;
   std::optional<std::uint64_t> keep_largest;
   std::optional<double> drop_below;  // area, world units^2
   std::optional<ShareNumber> part;
-  PlacementOptions placement;
   bool together = false;                       // all surfaces in one file
   std::vector<glm::vec3> colors;               // then: of the surfaces, in their order; empty: none
   std::shared_ptr<MeshCollection> collection;  // that file, as soon as it is begun
-  bool zlib = false;
-  bool meshopt = false;
   int repeat = 1;
-  bool force = false;
-  bool json = false;
 };
 
 // Of `isobrick extract -o`: the file of each isovalue, or of several isovalues with the value
@@ -115,10 +108,11 @@ class ExtractedSurface {
   std::vector<std::uint64_t> outside_before_;  // of each attribute
 };
 
-// The surfaces of a volume at level 0, of which no pyramid is built: isobrick-build does it, and
-// `isobrick` becomes that. Nothing if the volume's pyramid is there already, which is then
-// arguments.query.input.pyramid, or if the memory does not suffice to go through the volume. Throws
-// as the extraction of a pyramid does.
-std::optional<ExtractResults> extractVolume(ExtractArguments& arguments);
+// The surfaces of a volume at level 0, of which no pyramid is built. Nothing if the volume's
+// pyramid is there already, which is then arguments.query.input.pyramid, or if the memory does not
+// suffice to go through the volume. Throws as the extraction of a pyramid does.
+using VolumeExtraction = std::optional<ExtractResults>(ExtractArguments& arguments);
+// isobrick-build does it: `isobrick` becomes that here, which begins anew.
+VolumeExtraction* volumeExtraction();
 
 }  // namespace isobrick

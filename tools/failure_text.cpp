@@ -10,6 +10,10 @@ using Texts = std::vector<std::string>;
 
 // The first text whose options the command has is the one; the last one needs none of its options.
 Texts advicesOf(Remedy remedy) {
+  const auto choose = [](const std::string& what) {
+    return Texts{"take one with --select " + what,
+                 "'isobrick build' takes one with --select " + what};
+  };
   switch (remedy) {
     case Remedy::kAllowMoreMemory:
       return {"give so much with --memory", "it needs more memory than is allowed here"};
@@ -42,29 +46,22 @@ Texts advicesOf(Remedy remedy) {
     case Remedy::kBuildWithCurvature:
       return {"build it anew with 'isobrick build', without --no-curvature"};
     case Remedy::kChooseComponent:
-      return {
-          "take one with --select component=N, or the root of their squares with --select "
-          "component=magnitude",
-          "'isobrick build' takes one with --select component=N, or the root of their squares with "
-          "--select component=magnitude"};
+      return choose("component=N, or the root of their squares with --select component=magnitude");
     case Remedy::kWholeFloats:
       return {"leave out --half, or bring the values into range with --window LO,HI and --type T",
               "write whole floats"};
     case Remedy::kPackMesh:
       return {"pack it with --meshopt", "extract less"};
     case Remedy::kChooseStack:
-      return {"take one with --select grid=NAME",
-              "'isobrick build' takes one with --select grid=NAME"};
+      return choose("grid=NAME");
     case Remedy::kChooseTime:
-      return {"take one with --select time=T", "'isobrick build' takes one with --select time=T"};
+      return choose("time=T");
     case Remedy::kChooseVariant:
-      return {"take one with --select channel=C",
-              "'isobrick build' takes one with --select channel=C"};
+      return choose("channel=C");
     case Remedy::kChooseImage:
-      return {"take one with --select image=N", "'isobrick build' takes one with --select image=N"};
+      return choose("image=N");
     case Remedy::kChooseSeries:
-      return {"take one with --select series=NUMBER or --select series=UID",
-              "'isobrick build' takes one with --select series=NUMBER or --select series=UID"};
+      return choose("series=NUMBER or --select series=UID");
   }
   return {"see the documentation"};
 }

@@ -12,9 +12,9 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/own_folder.h"
+#include "tools/plain_text.h"
 #include "tools/program_run.h"
 #include "tools/shared_options.h"
-#include "tools/text_table.h"
 #if ISOBRICK_WITH_VIEWER
 #include "isobrick/viewer/image.h"
 #endif
@@ -25,8 +25,8 @@ namespace {
 // {"read": [...], "write": [...], "meshes": [...], "pictures": [...]}
 Json allFormats() {
   Json json = Json::parse(
-      runProgram({{requiredExecutable("isobrick-build"), "volume-formats"}, {}}, &interruptFlag()),
-      nullptr, false);
+      runProgram({{requireOwn("isobrick-build"), "volume-formats"}, {}}, &interruptFlag()), nullptr,
+      false);
   if (!json.is_object() || !json.contains("read") || !json.contains("write"))
     throw Error("'isobrick-build' does not say what it reads; install isobrick again");
   json["meshes"] = Json::array();

@@ -13,16 +13,15 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote_options.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
+#include "tools/plain_text.h"
 #include "tools/query_options.h"
-#if ISOBRICK_WITH_VIEWER
-#include "tools/render/graphics_text.h"
-#endif
 #include "tools/shared_options.h"
 #include "tools/volume_input.h"
+#if ISOBRICK_WITH_VIEWER
+#include "isobrick/viewer/render/gl_device.h"
+#endif
 
 namespace isobrick {
 namespace {
@@ -44,19 +43,9 @@ Json provenanceOf(const Pyramid& pyramid) {
 // Where level 0 of an index lies; nothing for other pyramids.
 std::string sourceOfLevel0(const Pyramid& pyramid) {
   if (pyramid.spec().level0 == Level0Place::kStored) return {};
-  const Json json = provenanceOf(pyramid);
-  const bool is_named = json.is_object() && json.contains("level0") && json["level0"].is_object() &&
-                        json["level0"].contains("path") && json["level0"]["path"].is_string();
-  return is_named ? json["level0"]["path"].get<std::string>() : "its source";
-}
-
-Json jsonOfLevels(const Pyramid& pyramid) {
-  Json levels = Json::array();
-  for (int level = 0; level < pyramid.lattice().levels(); ++level)
-    levels.push_back({{"level", level},
-                      {"dimensions", jsonOf(pyramid.lattice().samples(level))},
-                      {"bricks", elementCount(pyramid.layout().bricks(level))}});
-  return levels;
+  const auto json = parseShallowJson(pyramid.provenance());
+  const std::string path = textOf(member(member(json, "level0"), "path"));
+  return path.empty() ? "its source" : path;
 }
 
 Json jsonOfCodecs(const CodecCounts& counts) {
@@ -123,21 +112,14 @@ void printInfoJson(const Pyramid& pyramid, const std::optional<PyramidSums>& sum
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   Json json = Json::object();
   json["pyramid"] = withoutSecrets(pyramid.path());
-  json["dimensions"] = jsonOf(spec.voxels);
-  json["voxel_type"] = voxelTypeName(spec.voxel_type);
-  json["spacing"] = jsonOf(spec.geometry.spacing);
-  json["origin"] = jsonOf(spec.geometry.origin);
-  json["length_unit"] = lengthUnitName(spec.geometry.unit);
-  // The world directions of the index axes x, y and z.
-  json["direction"] = {jsonOf(spec.geometry.direction[0]), jsonOf(spec.geometry.direction[1]),
-                       jsonOf(spec.geometry.direction[2])};
+  putGrid(spec.voxels, spec.voxel_type, spec.geometry, json);
   json["value_range"] = {pyramid.realRange().min, pyramid.realRange().max};
   // Value = offset + scale * the number that is stored as voxel_type.
   json["stored_values"] = {{"scale", spec.values.scale}, {"offset", spec.values.offset}};
   json["noise"] = spec.values.scale * pyramid.noise();
   json["isovalues"] = jsonOfSuggestions(suggestions);
   json["padding"] = paddingOf(suggestions);
-  json["levels"] = jsonOfLevels(pyramid);
+  json["levels"] = jsonOfLevels(pyramid.layout());
   json["bytes"] = sums ? jsonOfBytes(sums->bytes) : Json(nullptr);
   json["codecs"] = nullptr;
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
@@ -226,7 +208,7 @@ void printMembers(const Json& facts) {
     fmt::print("channel {:<2} {}\n", i, channelText(channels[i]));
 }
 
-// Of a volume without a pyramid: see tools/build/volume_facts.h.
+// Of a volume without a pyramid: see factsOfVolume().
 void printFactsText(const Json& facts, const std::string& path) {
   const auto numbers = [](const Json& list) {
     std::string text;
@@ -253,6 +235,46 @@ void printFactsText(const Json& facts, const std::string& path) {
     fmt::print("note       {}\n", oneLine(note.get<std::string>()));
   fmt::print("pyramid    none yet; 'isobrick build' makes one, and says more\n");
 }
+
+#if ISOBRICK_WITH_VIEWER
+void printGraphicsJson(const GraphicsReport& report) {
+  Json json = Json::object();
+  json["device"] = report.device;
+  json["vendor"] = report.vendor;
+  json["version"] = report.version;
+  json["software"] = report.is_software;
+  json["place"] = report.place;
+  json["places"] = Json::array();
+  for (const GraphicsReport::Place& place : report.places)
+    json["places"].push_back({{"name", place.name}, {"about", place.about}});
+  json["limits"] = Json::object();
+  for (const GlLimits::Row& row : report.limits)
+    json["limits"][row.name] = {{"value", row.value}, {"wanted", row.wanted}};
+  json["switched_off"] = report.switched_off;
+  printJson(json);
+}
+
+// Of what draws on this machine.
+void printGraphics(bool json) {
+  const GraphicsReport report = graphicsReport();
+  if (json) return printGraphicsJson(report);
+  fmt::print("device   {}{}\nversion  {}\nvendor   {}\n", report.device,
+             report.is_software ? " (the processor draws)" : "", report.version, report.vendor);
+  std::string places;
+  for (const GraphicsReport::Place& place : report.places)
+    places += fmt::format("{}{}{}", places.empty() ? "" : ", ", place.name,
+                          place.about.empty() ? "" : " (" + place.about + ")");
+  fmt::print("found    {}, of {} (ISOBRICK_GRAPHICS chooses)\n\n", report.place, places);
+  TextTable table("LRRL");
+  table.add({"limit", "here", "wanted", "with less"});
+  for (const GlLimits::Row& row : report.limits)
+    table.add({row.name, std::to_string(row.value),
+               row.wanted == 0 ? "-" : std::to_string(row.wanted), row.with_less});
+  fmt::print("{}\n", table.text());
+  if (report.switched_off.empty()) fmt::print("Nothing is switched off.\n");
+  for (const std::string& line : report.switched_off) fmt::print("Here {}.\n", line);
+}
+#endif
 
 int runInfo(InfoArguments& arguments) {
 #if ISOBRICK_WITH_VIEWER

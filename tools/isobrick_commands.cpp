@@ -86,8 +86,6 @@ void runExternalCommand(std::string_view name, char** argv) {
   becomeExecutable(std::string(named->executable));
 }
 
-std::optional<ExtractResults> extractVolume(ExtractArguments&) {
-  becomeExecutable("isobrick-build");
-}
+VolumeExtraction* volumeExtraction() { becomeExecutable("isobrick-build"); }
 
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
@@ -16,6 +17,29 @@ using Json = nlohmann::ordered_json;
 
 inline Json jsonOf(const Index3& v) { return {v.x, v.y, v.z}; }
 inline Json jsonOf(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+// Puts the grid of a volume: voxels, their type and their place; a direction is the world's of the
+// index axes x, y and z.
+inline void putGrid(const Index3& voxels, VoxelType type, const GridGeometry& geometry,
+                    Json& json) {
+  json["dimensions"] = jsonOf(voxels);
+  json["voxel_type"] = voxelTypeName(type);
+  json["spacing"] = jsonOf(geometry.spacing);
+  json["origin"] = jsonOf(geometry.origin);
+  json["length_unit"] = lengthUnitName(geometry.unit);
+  json["direction"] = Json::array();
+  for (int axis = 0; axis < 3; ++axis)
+    json["direction"].push_back(jsonOf(glm::dvec3(geometry.direction[axis])));
+}
+
+inline Json jsonOfLevels(const BrickLayout& layout) {
+  Json levels = Json::array();
+  for (int level = 0; level < layout.lattice().levels(); ++level)
+    levels.push_back({{"level", level},
+                      {"dimensions", jsonOf(layout.lattice().samples(level))},
+                      {"bricks", elementCount(layout.bricks(level))}});
+  return levels;
+}
 
 // The bytes of a pyramid, by kind.
 inline Json jsonOfBytes(const PyramidBytes& bytes) {

@@ -1,4 +1,5 @@
 // The common part of the executables of the `isobrick` command: words in, exit status out.
+#include <dlfcn.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,12 +14,12 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/source_bricks.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
-#include "tools/line_words.h"
 #include "tools/own_folder.h"
-#include "tools/source_plugin.h"
+#include "tools/plain_text.h"
 #include "tools/user_words.h"
 
 namespace isobrick {
@@ -137,6 +138,20 @@ void runCommandOfFile(int argc, char** argv) {
   runExternalCommand(*command, words.data());
 }
 
+// Opens level 0 of indexes, by a library that brings ITK, OpenVDB and HDF5. It stays loaded: what
+// it opened is used to the end of the process.
+const SourceOpener& openerOfPlugin() {
+  static const SourceOpener* const opener = [] {
+    const std::string path = requireOwn("isobrick-sources.so", R_OK);
+    void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+    void* const symbol = library != nullptr ? dlsym(library, "isobrickSourceOpener") : nullptr;
+    if (symbol == nullptr)
+      throw Error(fmt::format("cannot load '{}': {}; install isobrick again", path, dlerror()));
+    return reinterpret_cast<const SourceOpener* (*)()>(symbol)();
+  }();
+  return *opener;
+}
+
 int runWords(int given, char** given_words) {
   std::vector<std::string> texts = todaysWords(given, given_words);
   std::vector<char*> words;
@@ -145,7 +160,7 @@ int runWords(int given, char** given_words) {
   const int argc = static_cast<int>(texts.size());
   char** const argv = words.data();
   noteWords(argv);
-  readLevel0ByPlugin();
+  setSourceOpener([](const SourceRequest& request) { return openerOfPlugin()(request); });
   if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);

@@ -9,30 +9,22 @@
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
 #include "tools/measured_sink.h"
-#include "tools/output_check.h"
-#include "tools/placement_options.h"
+#include "tools/mesh_options.h"
+#include "tools/outputs.h"
+#include "tools/plain_text.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {
 
-struct MergeArguments {
+struct MergeArguments : MeshOptions {
   std::vector<std::string> shares;
-  std::string output;  // empty: the shares are checked and the mesh is counted
-  PlacementOptions placement;
-  bool zlib = false;
-  bool meshopt = false;
-  bool check = false;
-  bool force = false;
-  bool json = false;
   int threads = allCores();
 };
 
@@ -40,12 +32,8 @@ int runMerge(const MergeArguments& arguments) {
   const Stopwatch watch;
   const std::string& output = arguments.output;
   if (!output.empty()) refuseReplacing({output}, arguments.shares, arguments.force);
-  const auto file_sink = output.empty()
-                             ? nullptr
-                             : makeMeshFileSink(output, {.cancel = &interruptFlag(),
-                                                         .placement = arguments.placement.placement,
-                                                         .zlib = arguments.zlib,
-                                                         .meshopt = arguments.meshopt});
+  const auto file_sink =
+      output.empty() ? nullptr : makeMeshFileSink(output, meshFileOptions(arguments));
   CountingSink counting_sink;
   TriangleSink& plain_sink = file_sink ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
   MeshCheck check(plain_sink);
@@ -88,16 +76,10 @@ Command addMergeCommand(CLI::App& app) {
                   "(.isbs), which "
                   "is checked and gets its index, and no output")
       ->required();
-  CLI::Option* const output =
-      sub->add_option("-o,--output", arguments->output,
-                      "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, the same bytes as "
-                      "'extract' writes in one run. Without it the shares are checked and counted")
-          ->type_name("MESH");
-  addForceFlag(*sub, arguments->force)->needs(output);
-  addPlacementOptions(*sub, arguments->placement, output, false);
-  sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
-  sub->add_flag("--meshopt", arguments->meshopt, "Pack .glb with EXT_meshopt_compression")
-      ->needs(output);
+  addMeshOptions(*sub, *arguments,
+                 "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, the same bytes as "
+                 "'extract' writes in one run. Without it the shares are checked and counted",
+                 false);
   sub->add_flag("--check", arguments->check,
                 "Report what the mesh is like, as 'extract --check' does");
   addThreadsOption(*sub, arguments->threads);

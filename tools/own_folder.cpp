@@ -14,6 +14,12 @@ namespace {
 
 char** the_words = nullptr;
 
+}  // namespace
+
+std::filesystem::path ownExecutable() { return linkTarget("/proc/self/exe"); }
+
+std::filesystem::path ownFolder() { return ownExecutable().parent_path(); }
+
 std::optional<std::string> findOwn(const std::string& name, int access_mode) {
   for (const std::filesystem::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN})
     if (access((folder / name).c_str(), access_mode) == 0) return (folder / name).string();
@@ -27,23 +33,10 @@ std::string requireOwn(const std::string& name, int access_mode) {
                           (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
 }
 
-}  // namespace
-
-std::filesystem::path ownExecutable() { return linkTarget("/proc/self/exe"); }
-
-std::filesystem::path ownFolder() { return ownExecutable().parent_path(); }
-
-std::optional<std::string> findOwnExecutable(const std::string& name) {
-  return findOwn(name, X_OK);
-}
-
-std::string requiredExecutable(const std::string& name) { return requireOwn(name, X_OK); }
-std::string requiredFile(const std::string& name) { return requireOwn(name, R_OK); }
-
 void noteWords(char** words) { the_words = words; }
 
 void becomeExecutable(const std::string& name) {
-  const std::string path = requiredExecutable(name);
+  const std::string path = requireOwn(name);
   execv(path.c_str(), the_words);
   throw Error(
       fmt::format("cannot run '{}': {}; install isobrick again", path, std::strerror(errno)));

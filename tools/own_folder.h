@@ -1,6 +1,8 @@
 // The folder of this executable, beside which others are searched.
 #pragma once
 
+#include <unistd.h>
+
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -11,13 +13,13 @@ namespace isobrick {
 std::filesystem::path ownExecutable();
 std::filesystem::path ownFolder();
 
-// The executable of this name that came with this one: beside it, or in libexec once installed.
-std::optional<std::string> findOwnExecutable(const std::string& name);
+// The file of this name that came with this executable, beside it or in libexec once installed, to
+// run or, with R_OK, to read.
+std::optional<std::string> findOwn(const std::string& name, int access_mode = X_OK);
 // The same. Throws Error if there is none.
-std::string requiredExecutable(const std::string& name);
-// The same of a file that is no program.
-std::string requiredFile(const std::string& name);
-// Becomes it, with the words that this one was given. Throws Error if it cannot be run.
+std::string requireOwn(const std::string& name, int access_mode = X_OK);
+// Becomes that executable, with the words that this one was given. Throws Error if it cannot be
+// run.
 [[noreturn]] void becomeExecutable(const std::string& name);
 // The words, for that: main() notes them.
 void noteWords(char** words);

@@ -11,7 +11,7 @@
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"

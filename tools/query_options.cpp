@@ -19,8 +19,8 @@
 #include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
-#include "tools/line_words.h"
 #include "tools/parse_text.h"
+#include "tools/plain_text.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {

@@ -17,10 +17,9 @@
 #include "isobrick/viewer/serve/access.h"
 #include "isobrick/viewer/serve/serve.h"
 #include "isobrick/viewer/session/folder_listing.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
-#include "tools/line_words.h"
+#include "tools/plain_text.h"
 #include "tools/shared_options.h"
 #include "tools/volume_input.h"
 

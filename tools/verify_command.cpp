@@ -6,11 +6,10 @@
 
 #include "isobrick/storage/pyramid_verify.h"
 #include "isobrick/storage/remote_options.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
+#include "tools/plain_text.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"

@@ -14,12 +14,11 @@
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote_options.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
-#include "tools/line_words.h"
 #include "tools/own_folder.h"
+#include "tools/plain_text.h"
 #include "tools/program_run.h"
 #include "tools/progress_bar.h"
 #include "tools/pyramid_cache.h"
@@ -116,7 +115,7 @@ nlohmann::ordered_json outputOf(const ProgramCall& call, const CancelFlag& cance
 ProgramCall callOfBuild(const std::string& volume, const VolumeBuild& build) {
   ProgramCall call;
   call.words = {
-      requiredExecutable("isobrick-build"),
+      requireOwn("isobrick-build"),
       "build",
       wholePath(volume),
       "--into-cache",

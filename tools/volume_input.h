@@ -91,7 +91,7 @@ Error tooLargeForCache(const std::string& volume, std::uint64_t bytes);
 void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes);
 
 // For `isobrick info`: sets input.pyramid likewise if the pyramid is there, and returns nothing;
-// else the facts of the volume, JSON of tools/build/volume_facts.h. Builds nothing.
+// else the facts of the volume, JSON of factsOfVolume(). Builds nothing.
 std::string findPyramidOrFacts(VolumeInput& input);
 
 // For a program that shows the progress itself.

@@ -5,8 +5,6 @@
 #include <limits>
 #include <numeric>
 
-#include "isobrick/extract/sinks/batch_components.h"
-
 namespace isobrick {
 
 std::uint32_t labelComponents(const MeshBatch& batch, std::vector<std::uint32_t>& labels) {

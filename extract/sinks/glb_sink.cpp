@@ -35,10 +35,7 @@ class GlbSink : public NumberedSink {
   }
   void write(PlacedBatch& placed) override {
     writeVertices(placed);
-    findNumbers(placed);
-    placed.bytes.resize(placed.batch.triangles.size() * sizeof(std::uint32_t));
-    BytePointer to(placed.bytes.data());
-    for (const std::uint32_t corner : placed.batch.triangles) to.put(placed.numbers[corner]);
+    findCorners(placed);
     const std::size_t cap_bytes = placed.batch.cap_indices * sizeof(std::uint32_t);
     const std::size_t surface_bytes = placed.bytes.size() - cap_bytes;
     indices_.pwrite(placed.bytes.data(), surface_bytes,

@@ -7,7 +7,6 @@
 
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/mesh_placement.h"
-#include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
@@ -49,10 +48,10 @@ class LabelledMesh : public MeshCollection {
 
   std::unique_ptr<MeshFileSink> add(const MeshObject& object) override {
     if (has_attribute_ && object.label > std::numeric_limits<std::uint32_t>::max())
-      throw Error("'" + path_ + "': the label " + std::to_string(object.label) +
-                      " is no number of 32 bits, as vertices have it there; write .glb, .3mf or "
-                      ".obj, or a file of each label",
-                  {.path = path_});
+      throw meshError(
+          path_, "the label " + std::to_string(object.label) +
+                     " is no number of 32 bits, as vertices have it there; write .glb, .3mf or "
+                     ".obj, or a file of each label");
     return std::make_unique<Part>(*this, object);
   }
   void finish() override { file_->finish(); }
@@ -100,9 +99,8 @@ std::unique_ptr<MeshCollection> makeMeshCollection(const std::string& path,
                                                    const MeshFileOptions& options) {
   const MeshFormat& format = meshFormatOf(path, options);
   if (format.make_several == nullptr)
-    throw Error("'" + path + "': a mesh as " + format.extension +
-                    " holds one surface; write .glb or .3mf, or a file of each",
-                {.path = path});
+    throw meshError(path, std::string("a mesh as ") + format.extension +
+                              " holds one surface; write .glb or .3mf, or a file of each");
   auto objects = format.make_several(path, options);
   if (options.placement == MeshPlacement()) return objects;
   return std::make_unique<PlacedCollection>(std::move(objects), options.placement);

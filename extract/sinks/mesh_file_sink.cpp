@@ -31,18 +31,17 @@ void refuseAttributes(const std::string& path, const MeshFileOptions& options) {
   for (const VertexAttribute& attribute : options.attributes) {
     const std::string& name = attribute.name;
     if (!isAttributeName(name) || !names.insert(gltfAttribute(name)).second)
-      throw Error("'" + path + "': '" + name +
-                      "' is no name for an attribute, or the name of another one; take another "
-                      "name, of letters, digits and '_'",
-                  {.path = path});
+      throw meshError(path,
+                      "'" + name +
+                          "' is no name for an attribute, or the name of another one; take another "
+                          "name, of letters, digits and '_'");
   }
   if (!options.colors) return;
   const VertexColors& colors = *options.colors;
   if (colors.attribute >= options.attributes.size() || !(colors.low < colors.high))
-    throw Error("'" + path +
-                    "': colours go by an attribute that the vertices have, from a value to "
-                    "a greater one; correct them",
-                {.path = path});
+    throw meshError(path,
+                    "colours go by an attribute that the vertices have, from a value to "
+                    "a greater one; correct them");
 }
 
 }  // namespace
@@ -80,20 +79,16 @@ const MeshFormat& meshFormatOf(const std::string& path, const MeshFileOptions& o
   for (const MeshFormat& format : kMeshFormats) {
     if (end != format.extension) continue;
     if (options.colors && !format.has_colors)
-      throw Error("'" + path + "': a mesh as " + end +
-                      " has no colours of its vertices; write .ply, .glb or .obj",
-                  {.path = path});
+      throw meshError(
+          path, "a mesh as " + end + " has no colours of its vertices; write .ply, .glb or .obj");
     if (!options.attributes.empty() && !options.colors && !format.has_attributes)
-      throw Error("'" + path + "': a mesh as " + end +
-                      " has no attribute of its vertices; write .ply, .glb or .vtp",
-                  {.path = path});
+      throw meshError(
+          path, "a mesh as " + end + " has no attribute of its vertices; write .ply, .glb or .vtp");
     refuseAttributes(path, options);
     if (options.zlib && !format.has_zlib)
-      throw Error("'" + path + "': only a mesh as .vtp can be packed with zlib; write .vtp",
-                  {.path = path});
+      throw meshError(path, "only a mesh as .vtp can be packed with zlib; write .vtp");
     if (options.meshopt && !format.has_meshopt)
-      throw Error("'" + path + "': only a mesh as .glb can be packed with meshopt; write .glb",
-                  {.path = path});
+      throw meshError(path, "only a mesh as .glb can be packed with meshopt; write .glb");
     return format;
   }
   throw Error(

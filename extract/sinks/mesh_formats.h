@@ -10,6 +10,7 @@
 
 #include "isobrick/extract/sinks/mesh_collection.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -54,6 +55,11 @@ std::unique_ptr<MeshFileSink> makeMeshoptSink(const std::string& path,
 // With the greatest count that indices of 32 bits are used for: tests lower it.
 std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options,
                                           std::uint64_t most_narrow);
+
+// "'PATH': WHAT"
+inline Error meshError(const std::string& path, const std::string& what) {
+  return Error("'" + path + "': " + what, {.path = path});
+}
 
 // A row of the table of formats.
 struct MeshFormat {

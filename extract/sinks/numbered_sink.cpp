@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "isobrick/extract/pyramid_values.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -28,16 +27,14 @@ void NumberedMesh::place(PlacedBatch& placed) {
   const bool wants_components = std::ranges::any_of(
       attributes(), [](const VertexAttribute& attribute) { return attribute.values == nullptr; });
   if (wants_components && placed.components.size() != placed.batch.positions.size())
-    throw Error("'" + path_ +
-                    "': the vertices have no numbers of components; put a ComponentFilter or a "
-                    "ComponentNumbering before the file",
-                {.path = path_});
+    throw meshError(path_,
+                    "the vertices have no numbers of components; put a ComponentFilter or a "
+                    "ComponentNumbering before the file");
   numbering_.place(placed);
   if (numbering_.count() > std::numeric_limits<std::uint32_t>::max())
-    throw Error("'" + path_ +
-                    "': a mesh file holds at most 4,294,967,295 vertices; extract a part of the "
-                    "surface or a coarser level",
-                {.path = path_});
+    throw meshError(path_,
+                    "a mesh file holds at most 4,294,967,295 vertices; extract a part of the "
+                    "surface or a coarser level");
   placed.first_triangle = triangles_;
   placed.first_cap = caps_;
   triangles_ += placed.batch.triangles.size() / 3;
@@ -86,9 +83,8 @@ void NumberedMesh::putValue(BytePointer& to, const VertexAttribute& attribute, d
     if (std::isnan(value)) value = 0;
     const auto whole = static_cast<std::int64_t>(value);
     if (!std::in_range<Whole>(whole) || static_cast<double>(whole) != value)
-      throw Error("'" + path_ + "': the value " + std::to_string(value) + " of '" + attribute.name +
-                      "' is no whole number of 32 bits; give another attribute",
-                  {.path = path_});
+      throw meshError(path_, "the value " + std::to_string(value) + " of '" + attribute.name +
+                                 "' is no whole number of 32 bits; give another attribute");
     to.put(static_cast<Whole>(whole));
   };
   switch (attribute.type) {

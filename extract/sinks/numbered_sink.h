@@ -53,6 +53,20 @@ class NumberedMesh : public MeshFileSink {
     const std::size_t count = attributes().size() + (options_.colors ? 2 : 0);
     return count > 1 ? (count - 1) * each : 0;
   }
+  // Fills placed.bytes with the numbers of the corners of all triangles, 32 bits each.
+  static void findCorners(PlacedBatch& placed) {
+    findNumbers(placed);
+    placed.bytes.resize(placed.batch.triangles.size() * sizeof(std::uint32_t));
+    BytePointer to(placed.bytes.data());
+    for (const std::uint32_t corner : placed.batch.triangles) to.put(placed.numbers[corner]);
+  }
+  // As doubles, if floats would not separate crossings.
+  void putPosition(BytePointer& to, const glm::dvec3& p) const {
+    if (double_precision_)
+      to.put(p.x, p.y, p.z);
+    else
+      to.put(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z));
+  }
   // After findVertices(): of placed.world[i].
   static double valueOf(const PlacedBatch& placed, std::size_t attribute, std::size_t i) {
     return placed.values[attribute * placed.world.size() + i];

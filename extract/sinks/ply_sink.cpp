@@ -40,13 +40,9 @@ class PlySink : public NumberedSink {
     BytePointer to(placed.bytes.data());
     std::size_t i = 0;
     forEachNew(placed, [&](std::size_t v) {
-      const glm::dvec3& p = placed.world[i];
       const glm::vec3& n = placed.batch.normals[v];
-      if (double_precision_)
-        to.put(p.x, p.y, p.z, n.x, n.y, n.z);
-      else
-        to.put(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), n.x, n.y,
-               n.z);
+      putPosition(to, placed.world[i]);
+      to.put(n.x, n.y, n.z);
       for (std::size_t a = 0; a < attributes().size(); ++a)
         putValue(to, attributes()[a], valueOf(placed, a, i));
       if (options_.colors) {

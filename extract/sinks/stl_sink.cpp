@@ -9,7 +9,6 @@
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/mesh_placement.h"
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {
@@ -29,9 +28,8 @@ class StlSink : public MeshFileSink {
     const glm::dvec3 shift = shiftOf(frame);
     if (shift != glm::dvec3(0.0)) header.append("; shift: ").append(shiftText(shift));
     if (header.size() > kHeaderTextBytes)
-      throw Error("'" + file_.path() + "': the header of an STL file has no room for the shift " +
-                      shiftText(shift) + "; round it",
-                  {.path = file_.path()});
+      throw meshError(file_.path(), "the header of an STL file has no room for the shift " +
+                                        shiftText(shift) + "; round it");
     header.resize(kHeaderBytes);
     file_.write(header.data(), header.size());
   }
@@ -39,9 +37,8 @@ class StlSink : public MeshFileSink {
     placed.first_triangle = triangles_;
     triangles_ += placed.batch.triangles.size() / 3;
     if (triangles_ > std::numeric_limits<std::uint32_t>::max())
-      throw Error("'" + file_.path() +
-                      "': an STL file holds at most 4,294,967,295 triangles; write .ply instead",
-                  {.path = file_.path()});
+      throw meshError(file_.path(),
+                      "an STL file holds at most 4,294,967,295 triangles; write .ply instead");
   }
   void write(PlacedBatch& placed) override {
     const MeshBatch& batch = placed.batch;

@@ -87,16 +87,6 @@ std::uint64_t keyOfBrick(const MeshBatch& batch) {
   return static_cast<std::uint64_t>(((batch.level << 19 | b.z) << 19 | b.y) << 19 | b.x);
 }
 
-}  // namespace
-
-std::size_t SurfaceComponents::countFrom(double area) const {
-  return static_cast<std::size_t>(
-      std::find_if(list_.begin(), list_.end(), [&](const auto& c) { return c.area < area; }) -
-      list_.begin());
-}
-
-namespace {
-
 constexpr std::size_t kNoBody = ~std::size_t{0};
 
 bool isCavity(const SurfaceComponent& one) { return one.volume && *one.volume < 0; }
@@ -119,6 +109,12 @@ std::size_t bodyAround(const std::vector<SurfaceComponent>& list, const SurfaceC
 }
 
 }  // namespace
+
+std::size_t SurfaceComponents::countFrom(double area) const {
+  return static_cast<std::size_t>(
+      std::find_if(list_.begin(), list_.end(), [&](const auto& c) { return c.area < area; }) -
+      list_.begin());
+}
 
 std::vector<std::uint8_t> SurfaceComponents::largest(std::size_t count, double least_area) const {
   std::vector<std::size_t> body_of(list_.size()), bodies;

@@ -22,7 +22,6 @@
 #include "isobrick/extract/sinks/side_file.h"
 #include "isobrick/extract/sinks/xml_text.h"
 #include "isobrick/extract/sinks/zip_writer.h"
-#include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
@@ -64,28 +63,23 @@ class ThreeMfObjectSink : public NumberedMesh {
   void begin(const MeshFrame& frame) override {
     NumberedMesh::begin(frame);
     if (threeMfUnit(unitText(frame_)) == nullptr)
-      throw Error("'" + path_ + "': a .3mf has no " + unitText(frame_) + "; choose another unit",
-                  {.path = path_});
+      throw meshError(path_, "a .3mf has no " + unitText(frame_) + "; choose another unit");
     object_.frame = frame_;
     object_.double_precision = double_precision_;
   }
   void place(PlacedBatch& placed) override {
     NumberedMesh::place(placed);
     if (vertices() > std::numeric_limits<std::int32_t>::max())
-      throw Error("'" + path_ +
-                      "': a .3mf holds at most 2,147,483,647 vertices; write .ply, or extract a "
-                      "coarser level",
-                  {.path = path_});
+      throw meshError(path_,
+                      "a .3mf holds at most 2,147,483,647 vertices; write .ply, or extract a "
+                      "coarser level");
   }
   void write(PlacedBatch& placed) override {
     findVertices(placed);
     if (!placed.world.empty())
       object_.vertices.pwrite(placed.world.data(), placed.world.size() * kVertexBytes,
                               placed.first_vertex * kVertexBytes);
-    findNumbers(placed);
-    placed.bytes.resize(placed.batch.triangles.size() * sizeof(std::uint32_t));
-    BytePointer to(placed.bytes.data());
-    for (const std::uint32_t corner : placed.batch.triangles) to.put(placed.numbers[corner]);
+    findCorners(placed);
     object_.corners.pwrite(placed.bytes.data(), placed.bytes.size(),
                            placed.first_triangle * kTriangleBytes);
   }

@@ -169,12 +169,7 @@ class VtpSink : public NumberedSink {
     findVertices(placed);
     placed.bytes.resize(placed.world.size() * positionBytes());
     BytePointer to(placed.bytes.data());
-    for (const glm::dvec3& p : placed.world) {
-      if (double_precision_)
-        to.put(p.x, p.y, p.z);
-      else
-        to.put(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z));
-    }
+    for (const glm::dvec3& p : placed.world) putPosition(to, p);
     const std::uint64_t at = placed.first_vertex * positionBytes();
     if (options_.zlib)
       positions_.pwrite(placed.bytes.data(), placed.bytes.size(), at);
@@ -201,10 +196,7 @@ class VtpSink : public NumberedSink {
 
   void writeTriangles(PlacedBatch& placed) {
     const MeshBatch& batch = placed.batch;
-    findNumbers(placed);
-    placed.bytes.resize(batch.triangles.size() * sizeof(std::uint32_t));
-    BytePointer to(placed.bytes.data());
-    for (const std::uint32_t corner : batch.triangles) to.put(placed.numbers[corner]);
+    findCorners(placed);
     corners_.pwrite(placed.bytes.data(), placed.bytes.size(),
                     placed.first_triangle * kCornersBytes);
     placed.bytes.assign(batch.triangles.size() / 3, static_cast<std::byte>(batch.level));

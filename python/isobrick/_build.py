@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -134,6 +136,11 @@ class _ArrayDescription:
     notes: list[str] = field(default_factory=list)
     label: int | None = None
     denoise: float = 0.0
+    #: Where the voxels lie: address, strides (x, y, z), and whether they have the other byte order.
+    memory: tuple[int, tuple[int, int, int], bool] | None = None
+    #: In its place, what gives boxes, and the bytes that it holds.
+    read: Any = None
+    buffer_bytes: int = 0
 
 
 def build(
@@ -333,7 +340,8 @@ class _Builder:
 
             return _volumes.build_file(self._path, self._chosen, settings)
         assert self._volume is not None
-        return _build_array(self._volume, self._chosen, self._direction, settings)
+        with readable_array(self._volume, self._chosen, self._direction, settings.memory_bytes) as described:
+            return _core.build_array(described, settings)
 
 
 def _sum_of(reports: list[tuple[bool, BuildReport]]) -> BuildReport:
@@ -389,20 +397,22 @@ def _describe_array(
     return description, delivered
 
 
-def _build_array(
-    volume: ArrayVolume, chosen: _FileInput, direction: Any, settings: _BuildSettings
-) -> dict[str, Any]:
-    description, delivered = _describe_array(volume, chosen, direction)
+@contextmanager
+def readable_array(
+    volume: ArrayVolume, chosen: _FileInput, direction: Any, memory_bytes: int, identify: bool = True
+) -> Iterator[_ArrayDescription]:
+    """The facts of an array, and what the library reads it by as long as it has them."""
+    description, delivered = _describe_array(volume, chosen, direction, identify)
     if volume.memory is not None:
         array = volume.memory
         sz, sy, sx = array.strides
-        is_swapped = not array.dtype.isnative
-        return _core.build_strided(
-            description, array.__array_interface__["data"][0], (sx, sy, sz), is_swapped, settings
-        )
-    reader = ChunkReader(volume, delivered, settings.memory_bytes)
+        description.memory = array.__array_interface__["data"][0], (sx, sy, sz), not array.dtype.isnative
+        yield description
+        return
+    reader = ChunkReader(volume, delivered, memory_bytes)
+    description.read, description.buffer_bytes = reader, reader.budget_bytes
     try:
-        return _core.build_read(description, reader, reader.budget_bytes, settings)
+        yield description
     finally:
         reader.close()
 

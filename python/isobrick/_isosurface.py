@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._arrays import ChunkReader, describe
-from ._attributes import Attribute
-from ._build import _describe_array, _FileInput
+from ._arrays import describe
+from ._build import _FileInput, readable_array
 from ._errors import ArgumentError
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
-from ._pyramid import Pyramid
-from ._query import Inside, Query, Triple, settings_of
+from ._query import FinestChoice, Query, Triple, settings_of
 from ._sizes import DEFAULT_MEMORY, byte_size
 
 
@@ -30,24 +27,12 @@ def isosurface(
     spacing: Triple | None = None,
     origin: Triple | None = None,
     direction: Any = None,
-    box: Sequence[Sequence[float]] | None = None,
-    mask: Any = None,
-    clip: ArrayLike | None = None,
-    sphere: ArrayLike | None = None,
-    cap: bool = False,
     unit: str | None = None,
-    simplify: float | None = None,
-    drop_small: bool = False,
-    keep_largest: int | None = None,
-    drop_below: float | None = None,
-    values: Pyramid | None = None,
-    attributes: Mapping[str, Attribute] | None = None,
-    indices: bool = False,
-    inside: Inside = "above",
     memory: int | str = DEFAULT_MEMORY,
     threads: int = 0,
     progress: Progress = None,
     cancel: _core.Cancel | None = None,
+    **choice: Unpack[FinestChoice],
 ) -> Mesh:
     """The isosurface of an array, as a mesh in memory: ``points, faces, normals = isosurface(volume, level)``.
 
@@ -79,66 +64,33 @@ def isosurface(
         that round shapes keep their size; 0: not at all
     spacing, origin, direction
         the place of the voxels in the world, (x, y, z); images and xarray have their own
-    box
-        ((x, y, z), (x, y, z)): only cells that overlap it
-    mask, clip, sphere
-        only a part of the surface, as in ``Query``: within a mask, such as an array of the volume's shape, on one
-        side of a plane, or within a sphere
-    cap
-        closes the surface at the border of the volume, of the box and where mask, clip and sphere cut, as ``Query.cap``
-    simplify
-        fewer triangles, within this distance
     unit
         of spacing, origin and so of the world: 'nm', 'um', 'mm', 'cm', 'm' or 'inch'; lengths become millimetres
-    drop_small
-        leaves out pieces within one brick whose box has a diagonal below that distance
-    keep_largest, drop_below
-        only the largest connected pieces, or those of at least an area, as in ``Query``
-    values
-        a pyramid: its values at the points become ``Mesh.values``
-    attributes
-        of ``Query``; those of the surface itself, ``Thickness`` and ``Distance`` of an isovalue, take a pyramid
-    indices
-        box, clip, sphere and simplify are in voxel indices and voxels; otherwise in world units
-    inside
-        where the object is: values of at least ``level`` ('above', 'auto'), or those below it ('below')
     memory
         what is read at a time of an array that is not used where it lies (other than numpy's u1, i1, u2, i2 and
         f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
     threads
         0: all cores
+    **choice
+        of ``Query``: box, mask, clip, sphere, cap, simplify, drop_small, values, attributes, indices and inside, in
+        which 'auto' is 'above'; (x, y, z) in world units, or voxel indices with ``indices=True``. ``Thickness`` and
+        ``Distance`` of an isovalue take a pyramid
     """
     described = describe(volume)
     if (level is None) == (label is None):
         raise ArgumentError("an isosurface is that of a level, or of a label; give one of them")
     isovalue = 0.5 if level is None else float(level)
-    query = Query(
-        isovalue, box=box, mask=mask, clip=clip, sphere=sphere, cap=cap, simplify=simplify, drop_small=drop_small,
-        keep_largest=keep_largest, drop_below=drop_below,
-        values=values, attributes=attributes or {}, indices=indices, inside=inside,
-    )  # fmt: skip
+    query = Query(isovalue, **choice)
     chosen = _FileInput(
         None, spacing, origin, "", "", None, None, None, None, None if label is None else int(label), float(denoise), unit
     )
-    description, delivered = _describe_array(described, chosen, direction, identify=False)
-    with told_progress(progress, "extracting") as tell:
+    memory_bytes = byte_size(memory)
+    with (
+        told_progress(progress, "extracting") as tell,
+        readable_array(described, chosen, direction, memory_bytes, identify=False) as description,
+    ):
         settings = settings_of(query, isovalue, threads, tell, cancel)
-        if described.memory is not None:
-            array = described.memory
-            sz, sy, sx = array.strides
-            return Mesh(
-                _core.isosurface_strided(
-                    description, array.__array_interface__["data"][0], (sx, sy, sz), not array.dtype.isnative,
-                    settings, byte_size(memory),
-                )
-            )  # fmt: skip
-        reader = ChunkReader(described, delivered, byte_size(memory))
-        try:
-            return Mesh(
-                _core.isosurface_read(description, reader, reader.budget_bytes, settings, byte_size(memory))
-            )
-        finally:
-            reader.close()
+        return Mesh(_core.isosurface(description, settings, memory_bytes))
 
 
 def marching_cubes(

@@ -77,7 +77,25 @@ class Detail:
             raise ArgumentError(f"the focus {self.focus} is not three numbers, (x, y, z)")
 
 
-class Choice(TypedDict, total=False):
+class FinestChoice(TypedDict, total=False):
+    """The keywords of ``Query`` that level 0 alone has: what ``isosurface`` takes beside its own."""
+
+    box: Sequence[Sequence[float]] | None
+    mask: Any
+    clip: ArrayLike | None
+    sphere: ArrayLike | None
+    cap: bool
+    simplify: float | None
+    drop_small: bool
+    keep_largest: int | None
+    drop_below: float | None
+    values: HasValues | None
+    attributes: Mapping[str, Attribute]
+    indices: bool
+    inside: Inside
+
+
+class Choice(FinestChoice, total=False):
     """The keywords of ``Query``, which the calls that extract take beside their own."""
 
     focus: Sequence[float] | None
@@ -86,20 +104,7 @@ class Choice(TypedDict, total=False):
     view: View | None
     curvature: float | None
     or_finer: Sequence[Detail]
-    box: Sequence[Sequence[float]] | None
-    mask: Any
-    clip: ArrayLike | None
-    sphere: ArrayLike | None
-    cap: bool
-    simplify: float | None
     triangles: int | None
-    drop_small: bool
-    keep_largest: int | None
-    drop_below: float | None
-    values: HasValues | None
-    attributes: Mapping[str, Attribute]
-    indices: bool
-    inside: Inside
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,13 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <tuple>
 
 #include "array_source.h"
 #include "build_binding.h"
@@ -40,27 +45,39 @@ VolumeInfo readInfo(const nb::object& from) {
   return info;
 }
 
-nb::object buildStrided(const nb::object& description, std::uintptr_t address,
-                        const std::array<std::int64_t, 3>& strides, bool is_swapped,
-                        const nb::object& settings) {
-  const VolumeInfo info = readInfo(description);
-  const auto type = nb::cast<std::string>(description.attr("type"));
-  const auto identity = nb::cast<std::string>(description.attr("identity"));
-  const StridedArray array{address, {strides[0], strides[1], strides[2]}, type, is_swapped};
-  const Derivation derivation = readDerivation(description);
-  return buildFrom([&](CallState&) { return makeStridedSource(info, array, identity, derivation); },
-                   readBuildRequest(settings));
+// All of it. The array's own memory is read, or `read` gives boxes of it.
+struct ArrayInput {
+  VolumeInfo info;
+  std::string identity;
+  Derivation derivation;
+  std::optional<StridedArray> array;
+  nb::object read;
+  std::uint64_t buffer_bytes = 0;
+
+  // From any thread.
+  std::unique_ptr<VolumeSource> open() const {
+    return array ? makeStridedSource(info, *array, identity, derivation)
+                 : makeReaderSource(info, read, buffer_bytes, identity, derivation);
+  }
+};
+
+ArrayInput readArray(const nb::object& from) {
+  using Memory = std::tuple<std::uintptr_t, std::array<std::int64_t, 3>, bool>;
+  const auto type = nb::cast<std::string>(from.attr("type"));
+  ArrayInput input{readInfo(from),       nb::cast<std::string>(from.attr("identity")),
+                   readDerivation(from), std::nullopt,
+                   from.attr("read"),    nb::cast<std::uint64_t>(from.attr("buffer_bytes"))};
+  input.info.voxel_type = deliveredType(type);
+  if (const auto memory = nb::cast<std::optional<Memory>>(from.attr("memory"))) {
+    const auto& [address, strides, is_swapped] = *memory;
+    input.array = StridedArray{address, {strides[0], strides[1], strides[2]}, type, is_swapped};
+  }
+  return input;
 }
 
-nb::object buildRead(const nb::object& description, const nb::object& read,
-                     std::uint64_t buffer_bytes, const nb::object& settings) {
-  VolumeInfo info = readInfo(description);
-  info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
-  const auto identity = nb::cast<std::string>(description.attr("identity"));
-  const Derivation derivation = readDerivation(description);
-  return buildFrom(
-      [&](CallState&) { return makeReaderSource(info, read, buffer_bytes, identity, derivation); },
-      readBuildRequest(settings));
+nb::object buildArray(const nb::object& description, const nb::object& settings) {
+  const ArrayInput input = readArray(description);
+  return buildFrom([&](CallState&) { return input.open(); }, readBuildRequest(settings));
 }
 
 // The mesh of a source, which is read once.
@@ -91,38 +108,21 @@ bool isVoxelArray(const StridedArray& array, VoxelType type) {
          array.strides.z % bytes == 0 && array.address % static_cast<std::uintptr_t>(bytes) == 0;
 }
 
-nb::object isosurfaceStrided(const nb::object& description, std::uintptr_t address,
-                             const std::array<std::int64_t, 3>& strides, bool is_swapped,
-                             const nb::object& settings, std::uint64_t memory_bytes) {
-  VolumeInfo info = readInfo(description);
-  const StridedArray array{address,
-                           {strides[0], strides[1], strides[2]},
-                           nb::cast<std::string>(description.attr("type")),
-                           is_swapped};
-  info.voxel_type = deliveredType(array.type);
-  const Derivation derivation = readDerivation(description);
-  return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
-    if (!isVoxelArray(array, info.voxel_type) || !derivation.isNone())
-      return streamInto([&] { return makeStridedSource(info, array, "array", derivation); },
-                        memory_bytes, query, mesh, state);
-    const auto bytes = static_cast<std::int64_t>(voxelBytes(info.voxel_type));
-    const auto pyramid = pyramidOfArray(info, {reinterpret_cast<const void*>(array.address),
-                                               array.strides.y / bytes, array.strides.z / bytes});
-    return Extractor(*pyramid).extract(query, mesh);
-  });
-}
-
-nb::object isosurfaceRead(const nb::object& description, const nb::object& read,
-                          std::uint64_t buffer_bytes, const nb::object& settings,
-                          std::uint64_t memory_bytes) {
-  VolumeInfo info = readInfo(description);
-  info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
-  const Derivation derivation = readDerivation(description);
-  return isosurfaceOf(info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
-    return streamInto(
-        [&] { return makeReaderSource(info, read, buffer_bytes, "array", derivation); },
-        memory_bytes, query, mesh, state);
-  });
+nb::object isosurfaceOfArray(const nb::object& description, const nb::object& settings,
+                             std::uint64_t memory_bytes) {
+  ArrayInput input = readArray(description);
+  input.identity = "array";
+  return isosurfaceOf(
+      input.info, settings, [&](const Query& query, SurfaceMesh& mesh, CallState& state) {
+        const VoxelType type = input.info.voxel_type;
+        if (!input.array || !isVoxelArray(*input.array, type) || !input.derivation.isNone())
+          return streamInto([&] { return input.open(); }, memory_bytes, query, mesh, state);
+        const auto bytes = static_cast<std::int64_t>(voxelBytes(type));
+        const auto pyramid = pyramidOfArray(
+            input.info, {reinterpret_cast<const void*>(input.array->address),
+                         input.array->strides.y / bytes, input.array->strides.z / bytes});
+        return Extractor(*pyramid).extract(query, mesh);
+      });
 }
 
 void contrasts(std::uintptr_t address, const std::array<std::int64_t, 3>& strides,
@@ -136,9 +136,7 @@ void contrasts(std::uintptr_t address, const std::array<std::int64_t, 3>& stride
 }
 
 nb::list arraySuperBricks(const nb::object& description, const nb::object& settings) {
-  VolumeInfo info = readInfo(description);
-  info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
-  return superBricks(info, readBuildRequest(settings));
+  return superBricks(readArray(description).info, readBuildRequest(settings));
 }
 
 }  // namespace
@@ -172,25 +170,16 @@ NB_MODULE(_core, m) {
   m.def("super_bricks", &arraySuperBricks, nb::arg("description"), nb::arg("settings"),
         nb::sig("def super_bricks(description: object, settings: object) -> list[tuple[str, "
                 "tuple[int, int, int], tuple[int, int, int]]]"));
-  m.def("isosurface_strided", &isosurfaceStrided, nb::arg("description"), nb::arg("address"),
-        nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"), nb::arg("memory_bytes"),
-        nb::sig("def isosurface_strided(description: object, address: int, strides: tuple[int, "
-                "int, int], is_swapped: bool, settings: object, memory_bytes: int) -> MeshHandle"));
-  m.def("isosurface_read", &isosurfaceRead, nb::arg("description"), nb::arg("read"),
-        nb::arg("buffer_bytes"), nb::arg("settings"), nb::arg("memory_bytes"),
-        nb::sig("def isosurface_read(description: object, read: typing.Any, buffer_bytes: int, "
-                "settings: object, memory_bytes: int) -> MeshHandle"));
+  m.def("isosurface", &isosurfaceOfArray, nb::arg("description"), nb::arg("settings"),
+        nb::arg("memory_bytes"),
+        nb::sig("def isosurface(description: object, settings: object, memory_bytes: int) -> "
+                "MeshHandle"));
+  m.def("build_array", &buildArray, nb::arg("description"), nb::arg("settings"),
+        nb::sig("def build_array(description: object, settings: object) -> dict[str, "
+                "typing.Any]"));
   m.def("cell_contrasts", &contrasts, nb::arg("address"), nb::arg("strides"), nb::arg("voxels"),
         nb::arg("type"), nb::arg("points"), nb::arg("out"),
         nb::sig("def cell_contrasts(address: int, strides: tuple[int, int, int], voxels: "
                 "tuple[int, int, int], type: str, points: numpy.typing.NDArray[numpy.float64], "
                 "out: numpy.typing.NDArray[numpy.float32]) -> None"));
-  m.def("build_strided", &buildStrided, nb::arg("description"), nb::arg("address"),
-        nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"),
-        nb::sig("def build_strided(description: object, address: int, strides: tuple[int, int, "
-                "int], is_swapped: bool, settings: object) -> dict[str, typing.Any]"));
-  m.def("build_read", &buildRead, nb::arg("description"), nb::arg("read"), nb::arg("buffer_bytes"),
-        nb::arg("settings"),
-        nb::sig("def build_read(description: object, read: typing.Any, buffer_bytes: int, "
-                "settings: object) -> dict[str, typing.Any]"));
 }

@@ -5,62 +5,41 @@
 #include <nanobind/stl/string.h>
 
 #include <string>
+#include <utility>
 
 namespace nb = nanobind;
 
 namespace isobrick::python {
 namespace {
 
-// The name in Python of the parameter that would help; null: none would.
-const char* adviceOf(Remedy remedy) {
-  switch (remedy) {
-    case Remedy::kAllowMoreMemory:
-      return "give a larger memory";
-    case Remedy::kUseLessMemory:
-      return "give a smaller memory, or fewer threads";
-    case Remedy::kOtherFolder:
-      return "choose another folder";
-    case Remedy::kPack:
-      return "give codec='zstd'";
-    case Remedy::kReplaceNotFinite:
-      return "replace such voxels in the array, or give build() nan_as, the value to put there, or "
-             "mask_nan=True";
-    case Remedy::kDescribeRawFile:
-      return "give raw=isobrick.RawLayout(shape, dtype)";
-    case Remedy::kCorrectRawLayout:
-      return "correct raw";
-    case Remedy::kBuildWithCurvature:
-      return "build the pyramid with curvature=True";
-    case Remedy::kChooseComponent:
-      return "give component";
-    case Remedy::kChooseVariant:
-      return "give channel";
-    case Remedy::kChooseTime:
-      return "give time";
-    case Remedy::kChooseStack:
-      return "give grid";
-    case Remedy::kChooseSeries:
-      return "give series";
-    case Remedy::kChooseImage:
-      return "give image";
-    case Remedy::kPackMesh:
-      return "give meshopt=True";
-    case Remedy::kResume:
-    case Remedy::kBeginAnew:
-    case Remedy::kDicomAsFloat32:
-    case Remedy::kWholeFloats:
-      return nullptr;
-  }
-  return nullptr;
-}
+// The parameters of Python that help; of other remedies none does.
+constexpr std::pair<Remedy, const char*> kAdvices[] = {
+    {Remedy::kAllowMoreMemory, "give a larger memory"},
+    {Remedy::kUseLessMemory, "give a smaller memory, or fewer threads"},
+    {Remedy::kOtherFolder, "choose another folder"},
+    {Remedy::kPack, "give codec='zstd'"},
+    {Remedy::kReplaceNotFinite,
+     "replace such voxels in the array, or give build() nan_as, the value to put there, or "
+     "mask_nan=True"},
+    {Remedy::kDescribeRawFile, "give raw=isobrick.RawLayout(shape, dtype)"},
+    {Remedy::kCorrectRawLayout, "correct raw"},
+    {Remedy::kBuildWithCurvature, "build the pyramid with curvature=True"},
+    {Remedy::kChooseComponent, "give component"},
+    {Remedy::kChooseVariant, "give channel"},
+    {Remedy::kChooseTime, "give time"},
+    {Remedy::kChooseStack, "give grid"},
+    {Remedy::kChooseSeries, "give series"},
+    {Remedy::kChooseImage, "give image"},
+    {Remedy::kPackMesh, "give meshopt=True"},
+};
 
 std::string textOf(const Error& error) {
   std::string text = error.what();
   const char* joint = "; ";
   for (const Remedy remedy : error.remedies())
-    if (const char* const advice = adviceOf(remedy)) {
-      text += joint;
-      text += advice;
+    for (const auto& [of, advice] : kAdvices) {
+      if (of != remedy) continue;
+      text.append(joint).append(advice);
       joint = ", or ";
     }
   return text;

@@ -2,13 +2,15 @@
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 #include <tbb/parallel_for.h>
 
 #include <array>
 #include <cstring>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 
 #include "interruptible_call.h"
@@ -20,8 +22,10 @@ namespace {
 
 using Triple = std::array<std::int64_t, 3>;
 
-nb::tuple tupleOf(const Index3& v) { return nb::make_tuple(v.x, v.y, v.z); }
-nb::tuple tupleOf(const glm::dvec3& v) { return nb::make_tuple(v.x, v.y, v.z); }
+template <typename Vector>
+auto tupleOf(const Vector& v) {
+  return std::tuple(v.x, v.y, v.z);
+}
 
 // d(world)/d(index), its columns, and the origin, in the order of numpy: rows of a 4 x 4 matrix.
 std::vector<double> affineOf(const GridGeometry& geometry) {
@@ -67,14 +71,16 @@ void readBox(const Pyramid& pyramid, int level, const IndexBox& box, std::byte* 
   });
 }
 
-// An array [z, y, x] of the pyramid's voxel type.
-nb::object arrayOf(VoxelType type, const void* data, const Index3& count, nb::handle owner) {
+// An array [z, y, x] of the pyramid's voxel type, which may be written to if the bytes may.
+template <typename Byte>
+nb::object arrayOf(VoxelType type, Byte* data, const Index3& count, nb::handle owner) {
   const std::size_t shape[] = {static_cast<std::size_t>(count.z), static_cast<std::size_t>(count.y),
                                static_cast<std::size_t>(count.x)};
   return visitVoxelType(type, [&](auto tag) {
-    using T = typename decltype(tag)::Type;
+    using Plain = typename decltype(tag)::Type;
+    using T = std::conditional_t<std::is_const_v<Byte>, const Plain, Plain>;
     return nb::cast(
-        nb::ndarray<nb::numpy, const T, nb::ndim<3>>(static_cast<const T*>(data), 3, shape, owner));
+        nb::ndarray<nb::numpy, T, nb::ndim<3>>(reinterpret_cast<T*>(data), 3, shape, owner));
   });
 }
 
@@ -94,7 +100,7 @@ nb::object brickArray(const PyramidHandle& handle, int level, const Triple& bric
   }
   const IndexBox box = held->samples.box;
   const VoxelType type = held->pyramid->spec().voxel_type;
-  const void* const data = held->samples.part.data();
+  const std::byte* const data = held->samples.part.data();
   const nb::capsule owner(held.release(),
                           [](void* p) noexcept { delete static_cast<HeldBrick*>(p); });
   return nb::make_tuple(tupleOf(box.first), arrayOf(type, data, box.count, owner));
@@ -109,16 +115,10 @@ nb::object boxArray(const PyramidHandle& handle, int level, const Triple& first,
       std::make_unique<std::byte[]>(static_cast<std::size_t>(box.size()) * voxelBytes(type));
   runInterruptibly(
       {}, [&](CallState& state) { readBox(*pyramid, level, box, bytes.get(), state.cancel()); });
-  void* const data = bytes.get();
+  std::byte* const data = bytes.get();
   const nb::capsule owner(bytes.release(),
                           [](void* p) noexcept { delete[] static_cast<std::byte*>(p); });
-  const std::size_t shape[] = {static_cast<std::size_t>(box.count.z),
-                               static_cast<std::size_t>(box.count.y),
-                               static_cast<std::size_t>(box.count.x)};
-  return visitVoxelType(type, [&](auto tag) {
-    using T = typename decltype(tag)::Type;
-    return nb::cast(nb::ndarray<nb::numpy, T, nb::ndim<3>>(static_cast<T*>(data), 3, shape, owner));
-  });
+  return arrayOf(type, data, box.count, owner);
 }
 
 nb::object histogram(const PyramidHandle& handle) {
@@ -199,77 +199,13 @@ void PyramidHandle::abandon() {
 }
 
 void bindPyramid(nb::module_& module) {
-  nb::class_<PyramidHandle>(module, "PyramidHandle")
+  nb::class_<PyramidHandle> handle(module, "PyramidHandle");
+  handle
       .def(nb::init<const std::string&, std::uint64_t, bool, const std::string&, std::uint64_t>(),
            nb::arg("path"), nb::arg("budget_bytes"), nb::arg("is_mapped"), nb::arg("cache_folder"),
            nb::arg("cache_bytes"))
-      .def(
-          "remote_counters",
-          [](const PyramidHandle& h) {
-            const RemoteCounters counters = h.pyramid()->remoteCounters();
-            return nb::make_tuple(counters.requests, counters.repeated, counters.bytes,
-                                  counters.cached_parts, counters.cached_bytes);
-          },
-          nb::sig("def remote_counters(self) -> tuple[int, int, int, int, int]"))
-      .def("path", [](const PyramidHandle& h) { return h.pyramid()->path(); })
       .def("close", &PyramidHandle::close)
       .def("abandon", &PyramidHandle::abandon)
-      .def(
-          "voxels", [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().voxels); },
-          nb::sig("def voxels(self) -> tuple[int, int, int]"))
-      .def("voxel_type",
-           [](const PyramidHandle& h) {
-             return std::string(voxelTypeName(h.pyramid()->spec().voxel_type));
-           })
-      .def(
-          "spacing",
-          [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().geometry.spacing); },
-          nb::sig("def spacing(self) -> tuple[float, float, float]"))
-      .def(
-          "origin",
-          [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().geometry.origin); },
-          nb::sig("def origin(self) -> tuple[float, float, float]"))
-      .def("affine", [](const PyramidHandle& h) { return affineOf(h.pyramid()->spec().geometry); })
-      .def("unit",
-           [](const PyramidHandle& h) {
-             return std::string(lengthUnitName(h.pyramid()->spec().geometry.unit));
-           })
-      .def(
-          "value_range",
-          [](const PyramidHandle& h) {
-            const RealRange range = h.pyramid()->realRange();
-            return nb::make_tuple(range.min, range.max);
-          },
-          nb::sig("def value_range(self) -> tuple[float, float]"))
-      .def(
-          "stored_values",
-          [](const PyramidHandle& h) {
-            const ValueTransform& values = h.pyramid()->spec().values;
-            return nb::make_tuple(values.scale, values.offset);
-          },
-          nb::sig("def stored_values(self) -> tuple[float, float]"))
-      .def("has_curvature",
-           [](const PyramidHandle& h) { return h.pyramid()->spec().has_curvature; })
-      .def("brick_cells", [](const PyramidHandle& h) { return h.pyramid()->spec().brick_cells; })
-      .def("levels", [](const PyramidHandle& h) { return h.pyramid()->lattice().levels(); })
-      .def(
-          "samples",
-          [](const PyramidHandle& h, int level) {
-            return tupleOf(h.pyramid()->lattice().samples(level));
-          },
-          nb::arg("level"), nb::sig("def samples(self, level: int) -> tuple[int, int, int]"))
-      .def(
-          "bricks",
-          [](const PyramidHandle& h, int level) {
-            return tupleOf(h.pyramid()->layout().bricks(level));
-          },
-          nb::arg("level"), nb::sig("def bricks(self, level: int) -> tuple[int, int, int]"))
-      .def("noise",
-           [](const PyramidHandle& h) {
-             return h.pyramid()->spec().values.scale * h.pyramid()->noise();
-           })
-      .def("provenance", [](const PyramidHandle& h) { return h.pyramid()->provenance(); })
-      .def("file_bytes", [](const PyramidHandle& h) { return h.pyramid()->fileBytes(); })
       .def("histogram", &histogram,
            nb::sig("def histogram(self) -> tuple[list[float], list[float], list[int]]"))
       .def("suggestions", &suggestions,
@@ -278,6 +214,18 @@ void bindPyramid(nb::module_& module) {
            nb::sig("def verify(self, threads: int, progress: object | None, cancel: Cancel | None) "
                    "-> list[tuple[int | None, tuple[int, int, int] | None, str]]"),
            nb::arg("threads"), nb::arg("progress").none(), nb::arg("cancel").none())
+      .def(
+          "samples",
+          [](const PyramidHandle& h, int level) {
+            return tupleOf(h.pyramid()->lattice().samples(level));
+          },
+          nb::arg("level"))
+      .def(
+          "bricks",
+          [](const PyramidHandle& h, int level) {
+            return tupleOf(h.pyramid()->layout().bricks(level));
+          },
+          nb::arg("level"))
       .def(
           "read_brick",
           [](const PyramidHandle& h, int level, std::int64_t x, std::int64_t y, std::int64_t z) {
@@ -296,6 +244,33 @@ void bindPyramid(nb::module_& module) {
           nb::arg("nz"),
           nb::sig("def read_box(self, level: int, x: int, y: int, z: int, nx: int, ny: int, nz: "
                   "int) -> numpy.typing.NDArray[typing.Any]"));
+  const auto fact = [&](const char* name, const auto& of) {
+    handle.def(name, [of](const PyramidHandle& h) { return of(*h.pyramid()); });
+  };
+  fact("path", [](const Pyramid& p) { return p.path(); });
+  fact("voxels", [](const Pyramid& p) { return tupleOf(p.spec().voxels); });
+  fact("voxel_type",
+       [](const Pyramid& p) { return std::string(voxelTypeName(p.spec().voxel_type)); });
+  fact("spacing", [](const Pyramid& p) { return tupleOf(p.spec().geometry.spacing); });
+  fact("origin", [](const Pyramid& p) { return tupleOf(p.spec().geometry.origin); });
+  fact("affine", [](const Pyramid& p) { return affineOf(p.spec().geometry); });
+  fact("unit",
+       [](const Pyramid& p) { return std::string(lengthUnitName(p.spec().geometry.unit)); });
+  fact("value_range",
+       [](const Pyramid& p) { return std::tuple(p.realRange().min, p.realRange().max); });
+  fact("stored_values",
+       [](const Pyramid& p) { return std::tuple(p.spec().values.scale, p.spec().values.offset); });
+  fact("has_curvature", [](const Pyramid& p) { return p.spec().has_curvature; });
+  fact("brick_cells", [](const Pyramid& p) { return p.spec().brick_cells; });
+  fact("levels", [](const Pyramid& p) { return p.lattice().levels(); });
+  fact("noise", [](const Pyramid& p) { return p.spec().values.scale * p.noise(); });
+  fact("provenance", [](const Pyramid& p) { return p.provenance(); });
+  fact("file_bytes", [](const Pyramid& p) { return p.fileBytes(); });
+  fact("remote_counters", [](const Pyramid& p) {
+    const RemoteCounters counters = p.remoteCounters();
+    return std::tuple(counters.requests, counters.repeated, counters.bytes, counters.cached_parts,
+                      counters.cached_bytes);
+  });
 }
 
 }  // namespace isobrick::python

@@ -248,6 +248,8 @@ TEST_F(BuildCommandTest, WrongUsage) {
       {{"a.nrrd", "-o", "x.isb", "--out-dir", "other"}, "excludes"},
       {{"a.nrrd", "b.nrrd", "-o", "x.isb"}, "--out-dir"},
       {{"*/a.nrrd", "b.nrrd", "-o", "x.isb"}, "2 inputs"},
+      {{"a.nrrd", "other/a.nrrd", "-o", "x.isbs"}, "of one volume, and there are 2 inputs"},
+      {{"a.nrrd", "other/a.nrrd", "-o", "{name}.isbs"}, "of one volume, and there are 2 inputs"},
       {{"a.nrrd", "a.nrrd"}, "'a.nrrd' is given twice"},
       {{"a.nrrd", "other/a.nrrd"}, "'a.nrrd' and 'other/a.nrrd' would both become 'a.isb'"},
       {{"a.nrrd", "other/*", "--out-dir", "new"}, "would both become 'new/a.isb'"},

@@ -94,7 +94,7 @@ TEST_F(FailureTextTest, TheTextsOfTheCommandsNameTheirOwnOptions) {
       {"bench_command.cpp", {"bench"}},
       {"query_options.cpp", of_queries},
       {"choice_options.cpp", of_queries},
-      {"output_check.cpp", {"build", "convert", "extract", "render", "phantom", "view"}}};
+      {"outputs.cpp", {"build", "convert", "extract", "render", "phantom", "view"}}};
   const fs::path tools = fs::path(goldenFolder()).parent_path().parent_path() / "tools";
   std::size_t looked_at = 0;
   for (const auto& entry : fs::recursive_directory_iterator(tools)) {

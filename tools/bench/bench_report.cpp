@@ -8,7 +8,7 @@
 #include <numeric>
 #include <thread>
 
-#include "tools/text_table.h"
+#include "tools/plain_text.h"
 
 namespace isobrick {
 namespace {

@@ -16,13 +16,12 @@
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
 #include "tools/build/build_report.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
-#include "tools/line_words.h"
+#include "tools/outputs.h"
+#include "tools/plain_text.h"
 #include "tools/progress_bar.h"
-#include "tools/text_table.h"
 
 namespace isobrick {
 namespace {
@@ -242,6 +241,81 @@ std::vector<std::string> expandInputs(const std::vector<std::string>& words) {
     inputs.insert(inputs.end(), matches.begin(), matches.end());
   }
   return inputs;
+}
+
+namespace {
+
+// Those of channels are their names, as far as they tell them apart, and otherwise their numbers.
+std::vector<std::string> namesOfChannels(const VolumeInfo& info) {
+  std::vector<std::string> names;
+  for (std::int64_t number = 0; number < info.channel.count; ++number) {
+    const auto place = static_cast<std::size_t>(number);
+    const std::string name =
+        place < info.named_channels.size() ? info.named_channels[place].name : std::string();
+    names.push_back(name.empty() ? fmt::format("{}", number) : name);
+  }
+  const std::vector<std::string> all = names;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (std::ranges::count(all, names[i]) > 1) names[i] += fmt::format("-{}", i);
+  return names;
+}
+
+std::vector<std::string> namesOfTimes(std::int64_t count) {
+  const std::size_t digits = fmt::format("{}", count - 1).size();
+  std::vector<std::string> names;
+  for (std::int64_t number = 0; number < count; ++number)
+    names.push_back(fmt::format("{:0{}}", number, digits));
+  return names;
+}
+
+std::string outputOf(const std::string& pattern, std::string_view key, const std::string& name) {
+  return hasPlace(pattern, key) ? withPlaceFilled(pattern, key, name) : nameWith(pattern, name);
+}
+
+// Of those with gaps between their numbers nobody knows the next one, and hostile files count what
+// they like.
+void refuseUncounted(const BuildJob& job, const char* kind, std::int64_t count) {
+  constexpr std::int64_t kMost = 1'000'000;
+  if (count < 1 || count > kMost)
+    throw Error(
+        fmt::format(
+            "the {0}s of '{1}' {2}; choose one with --select {0}=N", kind, job.input.path,
+            count < 1 ? std::string("have numbers with gaps")
+                      : fmt::format("are {}, and at most {} are built in one call", count, kMost)),
+        {.path = job.input.path});
+}
+
+}  // namespace
+
+std::vector<BuildJob> jobsOfMembers(const BuildJob& job, const BuildSettings& settings) {
+  const bool all_times = job.input.all_times, all_channels = job.input.all_channels;
+  if (!all_times && !all_channels) return {job};
+  BuildJob first = job;
+  first.input.all_times = first.input.all_channels = false;
+  if (all_times) first.input.time = 0;
+  if (all_channels) first.input.channel = 0;
+  refuseKnownMisfits(first.input);
+  const VolumeInfo info =
+      openShowingProgress(first.input, settings.options.memory_bytes / 2)->info();
+  if (all_times) refuseUncounted(job, "time", info.time_step.count);
+  if (all_channels) refuseUncounted(job, "channel", info.channel.count);
+  std::vector<BuildJob> jobs;
+  const std::vector<std::string> times = namesOfTimes(all_times ? info.time_step.count : 1);
+  const std::vector<std::string> channels =
+      all_channels ? namesOfChannels(info) : std::vector<std::string>(1);
+  for (std::size_t time = 0; time < times.size(); ++time)
+    for (std::size_t channel = 0; channel < channels.size(); ++channel) {
+      BuildJob& one = jobs.emplace_back(first);
+      if (all_channels) {
+        one.input.channel = static_cast<std::int64_t>(channel);
+        one.output = outputOf(one.output, "channel", channels[channel]);
+      }
+      if (all_times) {
+        one.input.time = static_cast<std::int64_t>(time);
+        one.output = outputOf(one.output, "time", times[time]);
+      }
+    }
+  return jobs;
 }
 
 }  // namespace isobrick

@@ -28,4 +28,11 @@ bool isInputPattern(const std::string& word);
 // Error for a pattern that nothing matches.
 std::vector<std::string> expandInputs(const std::vector<std::string>& words);
 
+// For `--select channel=all` and `time=all`: the job itself, or one for each channel and time step
+// of its input, whose headers are read for that. Names fill {channel} and {time} in the output's;
+// without these they stand behind its stem. Numbers of time steps are of one length, so that names
+// sort as they do. Throws as openVolume(), and Error for inputs that do not count what is asked
+// for.
+std::vector<BuildJob> jobsOfMembers(const BuildJob& job, const BuildSettings& settings);
+
 }  // namespace isobrick

@@ -24,14 +24,11 @@
 #include "tools/build/build_divided.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"
-#include "tools/build/member_jobs.h"
-#include "tools/build/pyramid_options.h"
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/extract_surface.h"
-#include "tools/output_check.h"
-#include "tools/output_names.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
+#include "tools/plain_text.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {
@@ -80,9 +77,10 @@ class OutputFolder {
   bool is_ours_ = false;
 };
 
-std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
+std::vector<BuildJob> makeJobs(const BuildArguments& arguments,
+                               const std::vector<std::string>& inputs) {
   std::vector<BuildJob> jobs;
-  for (const std::string& input : expandInputs(arguments.inputs)) {
+  for (const std::string& input : inputs) {
     BuildJob job;
     job.input = arguments.input;
     job.input.path = input;
@@ -121,7 +119,7 @@ void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jo
     const auto [place, is_new] = input_of.emplace(job.output, &job.input);
     const InputOptions& other = *place->second;
     if (!is_new && other.path == input && other.channel == job.input.channel &&
-        other.time == job.input.time)
+        other.time == job.input.time && other.grids == job.input.grids)
       throw UsageError(fmt::format("the input '{}' is given twice", input));
     if (!is_new)
       throw UsageError(
@@ -137,7 +135,7 @@ void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jo
 
 // One name for several outputs has a place for what tells them apart. Of a fault here no input is
 // opened.
-void checkNames(const BuildArguments& arguments) {
+void checkNames(const BuildArguments& arguments, std::size_t inputs) {
   const bool has_all = arguments.input.all_times || arguments.input.all_channels;
   if (has_all && !arguments.settings.cache_folder.empty())
     throw UsageError(
@@ -148,15 +146,23 @@ void checkNames(const BuildArguments& arguments) {
         "--select channel=all and time=all are for pyramids of one file; write "
         "OUT.isb, or choose one");
   if (arguments.output.empty()) return;
-  if (const std::string place = missingPlace(arguments.input, arguments.output); !place.empty())
-    throw UsageError(
-        fmt::format("--output names one pyramid, and --select {0}=all makes one of "
-                    "each; write {{{0}}} in it, as in scan-{{{0}}}.isb",
-                    place));
-  if (const std::string place = idlePlace(arguments.input, arguments.output); !place.empty())
-    throw UsageError(
-        fmt::format("{{{0}}} in --output goes with --select {0}=all; give that, too", place));
-  const std::size_t inputs = expandInputs(arguments.inputs).size();
+  for (const auto& [place, is_filled] : {std::pair("channel", arguments.input.all_channels),
+                                         std::pair("time", arguments.input.all_times)}) {
+    const bool has_place = hasPlace(arguments.output, place);
+    if (is_filled && !has_place)
+      throw UsageError(
+          fmt::format("--output names one pyramid, and --select {0}=all makes one of "
+                      "each; write {{{0}}} in it, as in scan-{{{0}}}.isb",
+                      place));
+    if (!is_filled && has_place)
+      throw UsageError(
+          fmt::format("{{{0}}} in --output goes with --select {0}=all; give that, too", place));
+  }
+  if (inputs > 1 && arguments.isDivided())
+    throw UsageError(fmt::format(
+        "an output of many files is of one volume, and there are {} inputs; build them in calls of "
+        "their own",
+        inputs));
   if (inputs > 1 && !hasPlace(arguments.output, "name"))
     throw UsageError(
         fmt::format("--output names one pyramid, and there are {} inputs; give the "
@@ -187,8 +193,9 @@ int runBuild(BuildArguments arguments) {
   if (arguments.isDivided())
     arguments.settings.options.super_cells =
         arguments.super_cells != 0 ? arguments.super_cells : kDefaultSuperCells;
-  checkNames(arguments);
-  const std::vector<BuildJob> jobs = makeJobs(arguments);
+  const std::vector<std::string> inputs = expandInputs(arguments.inputs);
+  checkNames(arguments, inputs.size());
+  const std::vector<BuildJob> jobs = makeJobs(arguments, inputs);
   checkUsage(arguments, jobs);
   const OutputFolder folder(arguments.out_dir);
   const BuildSettings& settings = arguments.settings;

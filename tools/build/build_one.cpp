@@ -21,11 +21,11 @@
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/pyramid_tables.h"
 #include "isobrick/storage/pyramid_writer.h"
-#include "tools/build/fitting_options.h"
-#include "tools/build/volume_facts.h"
-#include "tools/byte_size.h"
+#include "tools/build/build_report.h"
+#include "tools/build/open_input.h"
 #include "tools/interrupt.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
+#include "tools/plain_text.h"
 #include "tools/progress_bar.h"
 #include "tools/pyramid_cache.h"
 #include "tools/shared_options.h"
@@ -243,13 +243,8 @@ struct Origin {
 
 // The file may be hostile: text that is no JSON, or nested too deep, gives nothing.
 Origin originOf(const PyramidTables& pyramid) {
-  using Json = nlohmann::json;
-  const Json json = parseShallowJson(pyramid.provenance());
-  const auto text = [&](const char* key) {
-    const auto found = json.is_object() ? json.find(key) : json.end();
-    return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
-  };
-  return {text("source"), text("identity")};
+  const nlohmann::json json = parseShallowJson(pyramid.provenance());
+  return {textOf(member(json, "source")), textOf(member(json, "identity"))};
 }
 
 // The first line of an identity: the files' sizes, times and content, without any option.

@@ -2,8 +2,15 @@
 
 #include <fmt/format.h>
 
-#include "tools/byte_size.h"
-#include "tools/line_words.h"
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/storage/remote_options.h"
+#include "tools/plain_text.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {
@@ -43,10 +50,56 @@ void printPhases(const BuiltVolume& built) {
                rateText(built.megabytesPerSecond(phase.busy_seconds)));
 }
 
+// A source that is read in order unpacks what is passed over, too.
+constexpr std::uint64_t kMostBytesInOrder = std::uint64_t{1} << 30;
+constexpr std::int64_t kPlaces = 32;
+constexpr std::int64_t kMostChannels = 4096;  // hostile files count what they like
+constexpr std::uint64_t kBytesAtAPlace = std::uint64_t{1} << 20;
+
+struct VoxelSample {
+  double least = 0, greatest = 0;
+  std::int64_t voxels = 0;  // that have a value
+};
+
+// Rows at places that are spread from the first to the last.
+template <typename T>
+VoxelSample sampleVoxels(VolumeSource& source) {
+  const Index3 voxels = source.info().voxels;
+  const std::int64_t rows = voxels.y * voxels.z;
+  const std::int64_t run = std::clamp<std::int64_t>(
+      static_cast<std::int64_t>(kBytesAtAPlace / rowBytes(source.info())), 1, rows);
+  const std::int64_t places = std::min(kPlaces, rows / run);
+  std::vector<T> values(static_cast<std::size_t>(run * voxels.x));
+  VoxelSample sample;
+  for (std::int64_t place = 0; place < places; ++place) {
+    source.readRows(places == 1 ? 0 : place * (rows - run) / (places - 1), run, values.data());
+    for (const T value : values) {
+      const auto number = static_cast<double>(value);
+      if (!std::isfinite(number)) continue;
+      sample.least = sample.voxels == 0 ? number : std::min(sample.least, number);
+      sample.greatest = sample.voxels == 0 ? number : std::max(sample.greatest, number);
+      ++sample.voxels;
+    }
+  }
+  return sample;
+}
+
 }  // namespace
 
 std::string codecOptionName(format::Codec codec) {
   return codec == format::Codec::kStored ? "none" : std::string(codecName(codec));
+}
+
+void addStoredOptions(CLI::App& app, BuildOptions& options) {
+  Choices<format::Codec> codecs;
+  for (const auto codec : {format::Codec::kStored, format::Codec::kLz4, format::Codec::kZstd})
+    codecs.emplace_back(codecOptionName(codec), codec);
+  addChoiceOption(app, "--codec", options.codec, codecs, "C",
+                  "How the bricks of an .isb are packed: none, lz4 or zstd; default: " +
+                      codecOptionName(options.codec));
+  app.add_flag_callback(
+      "--no-curvature", [&options] { options.with_curvature = false; },
+      "Leave out what extract needs for --curvature; builds an .isb faster");
 }
 
 Json jsonOfBuilt(const BuildJob& job, const BuiltVolume& built, const BuildSettings& settings) {
@@ -108,6 +161,43 @@ std::string builtLine(const BuiltVolume& built) {
                         countText(built.bricks));
   for (const std::string& note : built.volume.notes) line += "; note: " + oneLine(note);
   return line;
+}
+
+Json factsOfVolume(VolumeSource& source, const BuildOptions& options) {
+  const VolumeInfo& info = source.info();
+  VoxelSample sample;
+  const bool is_far = isRemotePath(info.source);  // the facts cost its metadata alone
+  if (!is_far && (source.readsBoxes() || volumeBytes(info) <= kMostBytesInOrder))
+    visitVoxelType(info.voxel_type,
+                   [&](auto tag) { sample = sampleVoxels<typename decltype(tag)::Type>(source); });
+  std::vector<std::string> notes = info.notes;
+  for (std::string& note : source.notesOfReading()) notes.push_back(std::move(note));
+  const BrickLayout layout(Lattice(info.voxels), options.brick_cells, options.tile_cells);
+  Json json = Json::object();
+  json["volume"] = info.source;
+  json["pyramid"] = nullptr;
+  json["format"] = info.format;
+  putGrid(info.voxels, info.voxel_type, info.geometry, json);
+  json["time_steps"] = info.time_step.count;
+  json["channels"] = Json::array();
+  for (std::int64_t number = 0; number < std::min(info.channel.count, kMostChannels); ++number) {
+    Json& channel = json["channels"].emplace_back(Json{{"name", ""}, {"color", nullptr}});
+    if (number >= std::ssize(info.named_channels)) continue;
+    const VolumeChannel& named = info.named_channels[static_cast<std::size_t>(number)];
+    channel["name"] = named.name;
+    if (named.color) channel["color"] = hexColorText(*named.color);
+  }
+  json["value_range"] = nullptr;
+  const auto valueOf = [&](double stored) {
+    return info.values.offset + info.values.scale * stored;
+  };
+  if (sample.voxels > 0) json["value_range"] = {valueOf(sample.least), valueOf(sample.greatest)};
+  json["stored_values"] = {{"scale", info.values.scale}, {"offset", info.values.offset}};
+  json["sampled_voxels"] = sample.voxels;
+  json["levels"] = jsonOfLevels(layout);
+  json["bytes"] = {{"total", nullptr}, {"raw", volumeBytes(info)}};
+  json["notes"] = notes;
+  return json;
 }
 
 }  // namespace isobrick

@@ -25,21 +25,19 @@
 #include "isobrick/storage/remote_options.h"
 #include "tools/build/build_batch.h"
 #include "tools/build/build_one.h"
-#include "tools/build/fitting_options.h"
-#include "tools/build/pyramid_options.h"
-#include "tools/byte_size.h"
+#include "tools/build/build_report.h"
+#include "tools/build/open_input.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
+#include "tools/plain_text.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
 
 namespace isobrick {
-
 namespace {
 
 namespace fs = std::filesystem;
@@ -58,9 +56,7 @@ std::string fileOf(const std::string& name) {
   return isHdf5Name(name) ? splitHdf5Name(name).first : name;
 }
 
-}  // namespace
-
-// The rule of tools/output_check.h for all that convert writes: files, and folders of slices or of
+// The rule of tools/outputs.h for all that convert writes: files, and folders of slices or of
 // OME-Zarr, which are replaced with `force` if nothing else is in them. `inputs`: the names that
 // the user gave, and all their files.
 void refuseConvertOutput(const std::string& output, const std::vector<std::string>& inputs,
@@ -78,9 +74,6 @@ void refuseConvertOutput(const std::string& output, const std::vector<std::strin
   else
     refuseReplacingVolume({place}, files, force);
 }
-namespace {
-
-namespace fs = std::filesystem;
 
 struct ConvertArguments {
   InputOptions input;
@@ -267,14 +260,7 @@ Json jsonOfConverted(const ConvertArguments& arguments, const Converted& convert
   json["input"] = withoutSecrets(arguments.input.path);
   json["output"] = arguments.output;
   json["format"] = volume.format;
-  json["dimensions"] = jsonOf(volume.voxels);
-  json["voxel_type"] = voxelTypeName(volume.voxel_type);
-  json["spacing"] = jsonOf(volume.geometry.spacing);
-  json["origin"] = jsonOf(volume.geometry.origin);
-  json["length_unit"] = lengthUnitName(volume.geometry.unit);
-  json["direction"] = Json::array();
-  for (int axis = 0; axis < 3; ++axis)
-    json["direction"].push_back(jsonOf(glm::dvec3(volume.geometry.direction[axis])));
+  putGrid(volume.voxels, volume.voxel_type, volume.geometry, json);
   json["levels"] = converted.levels;
   json["space"] = converted.report.space;
   json["notes"] = volume.notes;

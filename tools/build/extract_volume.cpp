@@ -11,7 +11,6 @@
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/storage/index_loop.h"
 #include "tools/build/build_one.h"
-#include "tools/build/fitting_options.h"
 #include "tools/build/open_input.h"
 #include "tools/extract_surface.h"
 #include "tools/interrupt.h"
@@ -132,8 +131,6 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
   return results;
 }
 
-}  // namespace
-
 std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
   const Stopwatch watch;
   InputWords words(arguments.query.input);
@@ -178,5 +175,9 @@ std::optional<ExtractResults> extractVolume(ExtractArguments& arguments) {
     return extractFrom(stream, arguments, fields, shifts.get(), watch.seconds());
   });
 }
+
+}  // namespace
+
+VolumeExtraction* volumeExtraction() { return extractVolume; }
 
 }  // namespace isobrick

@@ -47,6 +47,12 @@ OpenOptions openOptionsOf(const InputOptions& input);
 // that need --raw-dims. Opens nothing.
 void refuseKnownMisfits(const InputOptions& input);
 
+// An option that would change nothing is refused, not ignored: both throw UsageError for the first
+// option that was given to `parser` and is not for the format of the input, as its source names it,
+// or of the output, by its ending.
+void refuseUnfitInputOptions(const CLI::App& parser, const VolumeInfo& input);
+void refuseUnfitOutputOptions(const CLI::App& parser, const std::string& output);
+
 // The phantom that "phantom:head:512" names (256 voxels per axis if no size is given); nothing for
 // other words. Throws Error for a size that is none.
 std::optional<PhantomSpec> phantomOf(const std::string& input);

@@ -4,14 +4,13 @@
 
 #include <vector>
 
-#include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/line_words.h"
 #include "tools/measured_sink.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
+#include "tools/plain_text.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
 

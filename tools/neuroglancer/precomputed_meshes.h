@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -40,14 +39,7 @@ bool isPrecomputedName(const std::string& path);
 // True if nothing is in the folder but what writePrecomputedMeshes() puts there.
 bool holdsPrecomputedMeshes(const std::string& folder);
 
-// The "@type" of the file info in the folder, such as "neuroglancer_multilod_draco"; empty if it
-// has none.
-std::string neuroglancerTypeOf(const std::string& folder);
-
 // The facts that Neuroglancer's formats have no place for, a line each.
 std::vector<std::string> neuroglancerLosses(const GridGeometry& geometry);
-
-// The member "isobrick" of a file info, which keeps the place in the world.
-nlohmann::ordered_json placeInWorld(const GridGeometry& geometry);
 
 }  // namespace isobrick

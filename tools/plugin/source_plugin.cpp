@@ -1,4 +1,4 @@
-// isobrick-sources.so: what tools/source_plugin.cpp loads.
+// isobrick-sources.so: what tools/main.cpp loads.
 #include "isobrick/preprocess/sources/indexed_source.h"
 
 extern "C" const isobrick::SourceOpener* isobrickSourceOpener() {

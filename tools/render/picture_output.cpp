@@ -17,10 +17,22 @@
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/viewer/image.h"
 #include "tools/interrupt.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
 #include "tools/program_run.h"
 
 namespace isobrick {
+
+// Takes the pictures one after the other. Nothing has its final name before finish(), and without
+// it nothing remains.
+class PictureSequence {
+ public:
+  virtual ~PictureSequence() = default;
+  // The files' format: what add() takes is encoded in it.
+  virtual ImageFormat format() const = 0;
+  virtual void add(const std::vector<char>& picture) = 0;
+  virtual void finish() = 0;
+};
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -111,28 +123,22 @@ class Movie : public PictureSequence {
   AtomicFile movie_, pictures_;
 };
 
-}  // namespace
-
 bool isMovieName(const std::string& output) { return lowerExtension(output) == ".mp4"; }
 
-bool isSequenceName(const std::string& output) {
-  return isMovieName(output) || fs::path(output).filename().string().find('%') != std::string::npos;
-}
-
-std::unique_ptr<PictureSequence> makePictureSequence(const std::string& output,
-                                                     double pictures_per_second,
-                                                     const std::vector<std::string>& inputs,
-                                                     bool force) {
+// A movie has H.264 pictures. Throws Error if ffmpeg is not installed, or if the name has neither
+// of the two forms.
+std::unique_ptr<PictureSequence> makePictureSequence(const PicturePlan& plan) {
+  const std::string& output = plan.output;
   if (isMovieName(output)) {
-    refuseReplacing({output}, inputs, force);
-    return std::make_unique<Movie>(output, pictures_per_second);
+    refuseReplacing({output}, plan.inputs, plan.force);
+    return std::make_unique<Movie>(output, plan.pictures_per_second);
   }
   const std::optional<NumberedFiles> files = parseNumberedFiles(output);
   if (!files)
     throw Error("cannot write pictures to '" + output +
                 "': they go into a folder of their own, and their name has one place for the "
                 "number; write -o folder/%04d.png, or a movie with -o NAME.mp4");
-  refuseReplacingFolder({files->folder}, inputs, force, [&](const std::string& folder) {
+  refuseReplacingFolder({files->folder}, plan.inputs, plan.force, [&](const std::string& folder) {
     return holdsNothingBut(folder, [&](const FolderMember& entry) {
       return entry.isRegularFile() && files->name.matches(entry.name());
     });
@@ -140,19 +146,26 @@ std::unique_ptr<PictureSequence> makePictureSequence(const std::string& output,
   return std::make_unique<NumberedPictures>(imageFormatOf(output), *files);
 }
 
+}  // namespace
+
+bool isSequenceName(const std::string& output) {
+  return isMovieName(output) || fs::path(output).filename().string().find('%') != std::string::npos;
+}
+
 PictureOutput::PictureOutput(PicturePlan plan)
     : plan_(std::move(plan)),
       progress_(plan_.pictures > 1 ? plan_.pictures : plan_.megapixels,
                 plan_.pictures > 1 ? "pictures" : "megapixels") {
   if (plan_.pictures > 1) {
-    sequence_ =
-        makePictureSequence(plan_.output, plan_.pictures_per_second, plan_.inputs, plan_.force);
+    sequence_ = makePictureSequence(plan_);
     return;
   }
   imageFormatOf(plan_.output);
   refuseReplacing({plan_.output}, plan_.inputs, plan_.force);
   const AtomicFile probe(plan_.output);
 }
+
+PictureOutput::~PictureOutput() = default;
 
 ImageFormat PictureOutput::format() const {
   return sequence_ ? sequence_->format() : imageFormatOf(plan_.output);

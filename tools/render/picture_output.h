@@ -12,32 +12,11 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/picture_writer.h"
 #include "tools/progress_bar.h"
-#include "tools/render/picture_output.h"
 
 namespace isobrick {
 
-// Takes the pictures one after the other. Nothing has its final name before finish(), and without
-// it nothing remains.
-class PictureSequence {
- public:
-  virtual ~PictureSequence() = default;
-  // The files' format: what add() takes is encoded in it.
-  virtual ImageFormat format() const = 0;
-  virtual void add(const std::vector<char>& picture) = 0;
-  virtual void finish() = 0;
-};
-
 // Whether the name is one of many pictures: folder/%04d.png, or a movie (.mp4).
 bool isSequenceName(const std::string& output);
-bool isMovieName(const std::string& output);
-
-// Refuses to replace anything without `force`, and inputs always. A movie has H.264 pictures, so
-// many a second, and is made by ffmpeg. Throws Error if it is not installed, or if the name has
-// neither of the two forms.
-std::unique_ptr<PictureSequence> makePictureSequence(const std::string& output,
-                                                     double pictures_per_second,
-                                                     const std::vector<std::string>& inputs,
-                                                     bool force);
 
 struct PicturePlan {
   std::string output;
@@ -49,12 +28,16 @@ struct PicturePlan {
   bool force = false;
 };
 
+class PictureSequence;
+
 // Takes the rows of pictures from top to bottom, one picture after the other, and shows the
 // progress. Nothing has its final name before finish().
 class PictureOutput {
  public:
-  // Throws Error, as makePictureSequence(), if the output cannot be written.
+  // Refuses to replace anything without `force`, and inputs always. Throws Error too if the output
+  // cannot be written: many pictures go to a folder, or a movie, which is made by ffmpeg.
   explicit PictureOutput(PicturePlan plan);
+  ~PictureOutput();
 
   ImageFormat format() const;
   // `shape`: of the picture; `share`: of it that is complete with these rows, 0 .. 1.

@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "isobrick/storage/file_system.h"
-#include "tools/line_words.h"
+#include "tools/plain_text.h"
 
 namespace isobrick {
 namespace {

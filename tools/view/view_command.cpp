@@ -16,7 +16,7 @@
 #include "isobrick/viewer/window/view_loop.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
-#include "tools/output_check.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
 #include "tools/query_options.h"
 #include "tools/region_options.h"
@@ -180,5 +180,12 @@ Example:
 H lists the keys.)");
   return {sub, [arguments] { return runViewCommand(*arguments); }};
 }
+
+// Of the executable `isobrick-view`, which `isobrick` starts.
+std::vector<Command> addCommands(CLI::App& app) { return {addViewCommand(app)}; }
+
+std::optional<std::string> commandOfFile(const std::string&) { return std::nullopt; }
+
+void runExternalCommand(std::string_view, char**) {}
 
 }  // namespace isobrick

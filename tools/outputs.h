@@ -1,18 +1,38 @@
-// The one rule for the outputs of commands, and what they do not keep: no existing file is replaced
+// The outputs of commands: their names, and the one rule for them: no existing file is replaced
 // without --force, --force replaces the named output and nothing beside it, and an input is never
 // written over.
 #pragma once
 
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "tools/line_words.h"
-
 namespace isobrick {
+
+// Whether the pattern has a place "{key}".
+bool hasPlace(const std::string& pattern, std::string_view key);
+
+// What may be part of a file's name: a character that means something to file systems or shells
+// becomes '-'.
+std::string plainName(std::string text);
+
+// The pattern with plainName(value) in all places of that key.
+std::string withPlaceFilled(std::string pattern, std::string_view key, const std::string& value);
+
+// "bone-500.ply" for "bone.ply" and 500.
+std::string nameWith(const std::string& output, const std::string& what);
+
+// The outputs of several inputs: the pattern with the stem of each in its place {name}, or behind
+// its stem; of one input without that place the pattern itself; all empty if it is. Throws
+// UsageError if two were the same.
+std::vector<std::string> outputsOfEach(const std::string& pattern,
+                                       const std::vector<std::string>& inputs);
+
+// The last part of a path or a URL without its endings: "head" for "scans/head.nii.gz"
+// and "scans/head.ome.zarr/".
+std::string inputStem(const std::string& path);
 
 // --force, the same in every command that writes.
 CLI::Option* addForceFlag(CLI::App& app, bool& force);
@@ -37,10 +57,7 @@ void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::s
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force);
 
-// A line each on stderr.
-inline void warnOfLosses(const std::string& output, const std::vector<std::string>& losses) {
-  for (const std::string& loss : losses)
-    fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(output), oneLine(loss));
-}
+// What they do not keep: a line each on stderr.
+void warnOfLosses(const std::string& output, const std::vector<std::string>& losses);
 
 }  // namespace isobrick

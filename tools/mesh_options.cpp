@@ -1,10 +1,12 @@
-#include "tools/placement_options.h"
+#include "tools/mesh_options.h"
 
 #include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
 #include <stdexcept>
 
+#include "tools/interrupt.h"
+#include "tools/outputs.h"
 #include "tools/parse_text.h"
 #include "tools/shared_options.h"
 
@@ -29,8 +31,11 @@ glm::dvec3 shiftToOrigin(const GridGeometry& geometry, const Index3& voxels) {
 
 }  // namespace
 
-void addPlacementOptions(CLI::App& app, PlacementOptions& options, CLI::Option* output,
-                         bool knows_volume) {
+CLI::Option* addMeshOptions(CLI::App& app, MeshOptions& options, const std::string& help_of_output,
+                            bool knows_volume) {
+  CLI::Option* const output =
+      app.add_option("-o,--output", options.output, help_of_output)->type_name("MESH");
+  addForceFlag(app, options.force)->needs(output);
   const Choices<MeshSpace> spaces = {
       {"LPS", MeshSpace::kLps}, {"RAS", MeshSpace::kRas}, {"index", MeshSpace::kIndex}};
   addChoiceOption(app, "--space", options.placement.space, spaces, "LPS|RAS|index",
@@ -56,14 +61,23 @@ void addPlacementOptions(CLI::App& app, PlacementOptions& options, CLI::Option* 
                           "header of the file say it"
                         : ""))
       ->needs(output);
+  app.add_flag("--zlib", options.zlib, "Pack .vtp with zlib")->needs(output);
+  app.add_flag("--meshopt", options.meshopt,
+               "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "
+               "normals to 10 bits")
+      ->needs(output);
+  return output;
 }
 
-MeshPlacement placementOf(const PlacementOptions& options, const GridGeometry& geometry,
-                          const Index3& voxels) {
-  MeshPlacement placement = options.placement;
-  const GridGeometry placed = placement.placed(geometry);
-  if (options.shifts_to_origin) placement.shift = shiftToOrigin(placed, voxels);
-  return placement;
+MeshFileOptions meshFileOptions(const MeshOptions& options, const PyramidSpec* volume) {
+  MeshFileOptions file{.cancel = &interruptFlag(),
+                       .placement = options.placement,
+                       .zlib = options.zlib,
+                       .meshopt = options.meshopt};
+  if (volume != nullptr && options.shifts_to_origin)
+    file.placement.shift =
+        shiftToOrigin(options.placement.placed(volume->geometry), volume->voxels);
+  return file;
 }
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-#include "tools/byte_size.h"
+#include "tools/plain_text.h"
 
 #include <fmt/format.h>
 #include <sys/resource.h>
