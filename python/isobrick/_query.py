@@ -9,7 +9,6 @@ from typing import Any, Literal, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _core
 from ._attributes import Attribute, FieldWish, HasValues, wishes_of
 from ._errors import ArgumentError
 
