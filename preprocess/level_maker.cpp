@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -128,9 +129,13 @@ void LevelMaker<T>::makeLevel(int level, LevelInput<T>* input, const LevelStore*
       windows.count(),
       [&](std::int64_t i, BrickWindow& window) {
         window.bricks = windows.window(i);
-        if (input != nullptr && i + 1 < windows.count() && hasToBeRead(0, windows.window(i + 1)))
-          input->announce(std::array{region_.samples(0, window.bricks),
-                                     region_.samples(0, windows.window(i + 1))});
+        if (input != nullptr) {
+          std::vector<IndexBox> ahead;
+          for (std::int64_t n = i; n < std::min(i + 2, windows.count()); ++n)
+            if (hasToBeRead(0, windows.window(n)))
+              ahead.push_back(region_.samples(0, windows.window(n)));
+          input->announce(ahead);
+        }
         readWindow(level, input, store, window);
       },
       [&](const BrickWindow& window, BrickBatch& batch) {

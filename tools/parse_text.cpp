@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -124,22 +125,26 @@ std::vector<double> parseNumbers(const std::string& text) {
 
 std::uint64_t parseByteSize(const std::string& text) {
   constexpr std::string_view kExpected = "a size in bytes such as 65536, 256M or 1.5G";
-  std::string_view digits = text;
+  std::string lower = text;
+  std::ranges::transform(lower, lower.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::string_view digits = lower;
   double unit = 1;
-  constexpr std::string_view kUnits = "KMGT";
-  for (const std::string_view bytes : {"iB", "B"})  // 256MiB, 256MB and 256M are one size
-    if (digits.size() > bytes.size() && digits.ends_with(bytes)) {
+  constexpr std::string_view kUnits = "kmgt";
+  const auto hasUnitBefore = [&](std::string_view bytes) {
+    return digits.size() > bytes.size() && digits.ends_with(bytes) &&
+           kUnits.find(digits[digits.size() - bytes.size() - 1]) != std::string_view::npos;
+  };
+  for (const std::string_view bytes : {"ib", "b"})  // 256MiB, 256MB and 256M are one size
+    if (hasUnitBefore(bytes)) {
       digits.remove_suffix(bytes.size());
       break;
     }
-  if (!digits.empty()) {
-    const char last = digits.back();
-    const char upper = last >= 'a' && last <= 'z' ? static_cast<char>(last - 'a' + 'A') : last;
-    if (const std::size_t power = kUnits.find(upper); power != std::string_view::npos) {
+  if (!digits.empty())
+    if (const std::size_t power = kUnits.find(digits.back()); power != std::string_view::npos) {
       unit = std::exp2(10 * static_cast<double>(power + 1));
       digits.remove_suffix(1);
     }
-  }
   double value = 0;
   if (!parseFinite(digits, value)) refuse(text, kExpected);
   const double bytes = std::floor(value * unit);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 #include <string_view>
 
 namespace isobrick {
@@ -12,12 +13,12 @@ namespace {
 // An option that has another name since version 0.3. The old names end with 0.4.
 struct RenamedOption {
   std::string_view command, old, now;
-  bool drops_value = false;
+  std::optional<std::string_view> drops = std::nullopt;  // the one value it had
 };
 constexpr RenamedOption kRenamed[] = {
     {"render", "--pictures", "--frames"},
     {"render", "--pictures-per-second", "--fps"},
-    {"convert", "--levels", "--all-levels", true},
+    {"convert", "--levels", "--all-levels", "all"},
     {"view", "--frames", "--out-dir"},
 };
 
@@ -44,21 +45,28 @@ std::vector<std::string> todaysWords(int argc, char** argv) {
     for (std::size_t i = 2; i < words.size() && words[i] != "--"; ++i) {
       const std::string_view name = std::string_view(words[i]).substr(0, words[i].find('='));
       if (words[1] != renamed.command || name != renamed.old) continue;
+      const bool has_value = name.size() < words[i].size();
+      if (renamed.drops && (has_value              ? words[i].substr(name.size() + 1)
+                            : i + 1 < words.size() ? words[i + 1]
+                                                   : "") != *renamed.drops)
+        continue;
       fmt::print(stderr, "isobrick: warning: {} is {} now; the old name ends with version 0.4\n",
                  renamed.old, renamed.now);
-      const bool has_value = name.size() < words[i].size();
-      words[i].replace(0, renamed.drops_value ? words[i].size() : name.size(), renamed.now);
-      if (renamed.drops_value && !has_value && i + 1 < words.size())
+      words[i].replace(0, renamed.drops ? words[i].size() : name.size(), renamed.now);
+      if (renamed.drops && !has_value)
         words.erase(words.begin() + static_cast<std::ptrdiff_t>(i) + 1);
     }
   };
   std::ranges::for_each(kRenamed, rename);
-  const auto namesFolder = [](std::string_view word) {
-    return word.ends_with(".isbs") || word.ends_with(".isbs/");
+  const auto namesFolder = [&](std::size_t i) {
+    return (words[i].ends_with(".isbs") || words[i].ends_with(".isbs/")) && words[i - 1] != "-o" &&
+           words[i - 1] != "--output";
   };
-  if (words[1] == "merge" && std::any_of(words.begin() + 2, words.end(), namesFolder)) {
+  bool joins = false;
+  for (std::size_t i = 2; i < words.size() && words[1] == "merge"; ++i) joins |= namesFolder(i);
+  if (joins) {
     words[1] = "build";
-    words.emplace_back("--join");
+    words.insert(words.begin() + 2, "--join");
   }
   return words;
 }

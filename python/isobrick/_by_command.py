@@ -22,6 +22,8 @@ Source = Pyramid | str | os.PathLike[str]
 
 
 def _word_of(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if isinstance(value, Sequence) and not isinstance(value, str):
         return ",".join(map(_word_of, value))
     return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
@@ -62,7 +64,7 @@ def run_command(command: str, inputs: Sequence[Source], options: Mapping[str, An
     last = said[-1] if said else f"isobrick {command} ended with {done.returncode}"
     if done.returncode == 2:
         raise ArgumentError(last)
-    named = re.search(r"'([^']+)'", last)
+    named = re.search(r"'([^']+)'", last.removeprefix(f"'isobrick {command}' says: "))
     raise error_of(last, named[1] if named else None)
 
 

@@ -79,6 +79,8 @@ def isosurface(
     described = describe(volume)
     if (level is None) == (label is None):
         raise ArgumentError("an isosurface is that of a level, or of a label; give one of them")
+    if unknown := choice.keys() - FinestChoice.__annotations__.keys():
+        raise TypeError(f"isosurface() got unexpected arguments: {', '.join(sorted(unknown))}")
     isovalue = 0.5 if level is None else float(level)
     query = Query(isovalue, **choice)
     chosen = _FileInput(

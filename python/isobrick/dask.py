@@ -86,7 +86,7 @@ def build(
     chosen = _FileInput(
         *(place.pop(key, default) for key, default in (
             ("raw", None), ("spacing", None), ("origin", None), ("series", ""), ("grid", ""), ("time", None),
-            ("channel", None), ("image", None), ("component", None),
+            ("channel", None), ("image", None), ("component", None), ("label", None), ("denoise", 0.0), ("unit", None),
         ))
     )  # fmt: skip
     if place:

@@ -154,7 +154,11 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry, const Inde
   query.cap = nb::cast<bool>(from.attr("cap"));
   query.region = readRegion(from.attr("region"), geometry, voxels, indices);
   if (const auto distance = optionalOf<double>(from, "simplify"))
-    query.simplify = SimplifyOptions{*distance, !indices, nb::cast<bool>(from.attr("drop_small"))};
+    query.simplify = SimplifyOptions{*distance, !indices};
+  if (nb::cast<bool>(from.attr("drop_small"))) {
+    if (!query.simplify) query.simplify.emplace();  // `triangles` finds the distance
+    query.simplify->drop_small = true;
+  }
   return query;
 }
 
@@ -497,6 +501,10 @@ class Session {
     const std::vector<FieldWish> wishes = readFields(settings);
     const auto most_triangles = optionalOf<std::uint64_t>(settings, "triangles");
     const PieceChoice pieces = readPieces(settings);
+    if (part && pieces.isGiven())
+      throw Error(
+          "the largest pieces are those of the whole surface; leave out part, or write shares "
+          "with extract_to");
     std::shared_ptr<MeshData> mesh;
     runInterruptibly(call, [&](CallState& state) {
       const std::lock_guard lock(mutex());
@@ -508,8 +516,9 @@ class Session {
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      mesh->filled(frameOf(geometry(), pyramid_->spec().voxels, query), query, report,
-                   std::move(fields));
+      MeshFrame frame = frameOf(geometry(), pyramid_->spec().voxels, query);
+      frame.has_missing = pyramid_->spec().has_missing;
+      mesh->filled(frame, query, report, std::move(fields));
       if (pieces.isGiven()) mesh->keepPieces(pieces, &state.cancel());
     });
     return {std::move(mesh)};

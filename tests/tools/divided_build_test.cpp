@@ -190,7 +190,7 @@ TEST_F(DividedBuildTest, WhatIsNoPyramidIsNamed) {
   expectFailure(1, {"build", "nothing.isbs", "--join"}, "'nothing.isbs'");
   expectFailure(2, {"build", "head.nrrd", "--part", "1/2"}, "-o OUT.isbs");
   expectFailure(2, {"build", "head.nrrd", "-o", "x.isb", "--super-brick", "64"}, "-o OUT.isbs");
-  expectFailure(2, {"build", "head.isbs", "--join", "-o", "x.isb"}, "--join");
+  expectFailure(2, {"build", "head.isbs", "--join", "-o", "x.isb"}, "neither an output");
   expectFailure(1, {"build", "phantom:sphere:2", "-o", "small.isbs"}, "fits into one brick");
   buildParts(1);
   // One that is not there, one of another place, one of another build, one too many.

@@ -172,8 +172,10 @@ void checkNames(const BuildArguments& arguments, std::size_t inputs) {
 
 // The output is one file, or a folder of many.
 void checkDivision(const BuildArguments& arguments) {
-  if (arguments.join && (arguments.inputs.size() != 1 || !arguments.output.empty()))
-    throw UsageError("--join takes the folder of super-bricks (.isbs) alone, and no output");
+  if (arguments.join &&
+      (arguments.inputs.size() != 1 || !arguments.output.empty() || arguments.part))
+    throw UsageError(
+        "joining super-bricks takes their folder (.isbs) alone, and neither an output nor a part");
   if (arguments.join) return;
   const char* const given = arguments.part               ? "--part"
                             : arguments.super_cells != 0 ? "--super-brick"
@@ -239,14 +241,12 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
                   "Folder for the pyramids, made if it is missing; default: the current folder")
       ->excludes(output);
-  CLI::Option* const part = addParsedOption(
+  addParsedOption(
       sub, "--part", arguments.part, parseShare, "I/N",
       "Do share I of N shares, I from 1: some super-bricks of an output of many files (OUT.isbs, "
       "a folder), in any order and on any machine; what is there stays");
   sub.add_flag("--join", arguments.join, "")  // as 'isobrick merge FOLDER.isbs' says it
-      ->group("")
-      ->excludes(part)
-      ->excludes(output);
+      ->group("");
   // For the commands that take volumes (tools/volume_input.h).
   addParsedOption(sub, "--into-cache", arguments.settings.cache_folder, notEmpty, "DIR", "")
       ->group("")
