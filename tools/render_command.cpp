@@ -181,7 +181,8 @@ int renderStates(RenderArguments& arguments) {
     drawing.is_step = arguments.steps;
     for (std::size_t i = 1; i < volumes.size() && !arguments.steps; ++i)
       drawing.beside.push_back(openPyramid(volumes[i].input.pyramid, memory_bytes,
-                                           remoteOptions(volumes[i].input), &interruptFlag()));
+                                           remoteOptions(volumes[i].input), &interruptFlag(),
+                                           fileAccess(arguments.query.no_map)));
     for (std::size_t i = 0; i + drawing.beside.size() < volumes.size(); ++i) {
       const auto pyramid =
           openPyramidFile(volumes[i].input.pyramid, memory_bytes,
@@ -290,6 +291,9 @@ void checkFiles(RenderArguments& arguments) {
   const std::size_t files = arguments.query.files.size();
   if (arguments.steps && files < 2)
     throw UsageError("--steps draws a picture of each of several FILE; give more of them");
+  if (!arguments.steps && files > kMostVolumes)
+    throw UsageError(fmt::format(
+        "a scene has at most {} volumes; if these are steps of time, give --steps", kMostVolumes));
   if (arguments.steps && arguments.states.size() > 1)
     throw UsageError("--steps has one camera; give one --state");
   if (arguments.steps && isSequenceName(arguments.output))

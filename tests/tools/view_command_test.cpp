@@ -49,6 +49,18 @@ class ViewCommandTest : public CommandTest {
   void write(const std::string& name, const std::string& text) {
     std::ofstream(path(name)) << text;
   }
+  // Raw floats, at the isovalue 0 a ball of this radius.
+  void writeBall(const std::string& name, int voxels, double radius) {
+    std::ofstream file(path(name), std::ios::binary);
+    const double middle = 0.5 * (voxels - 1);
+    for (int z = 0; z < voxels; ++z)
+      for (int y = 0; y < voxels; ++y)
+        for (int x = 0; x < voxels; ++x) {
+          const glm::dvec3 at(x, y, z);
+          const auto value = static_cast<float>(radius - glm::distance(at, glm::dvec3(middle)));
+          file.write(reinterpret_cast<const char*>(&value), sizeof value);
+        }
+  }
   void checkResults() {
     for (const char* name : {"open.png", "end.png", "end.exr", "end.ply", "end.json"})
       EXPECT_GT(fs::file_size(path(std::string("frames/") + name)), 100u) << name;
@@ -113,8 +125,8 @@ TEST_F(ViewCommandTest, StepsOfTimeHaveOneView) {
   Words steps{"view"}, drawn{"render"};
   for (int step = 0; step < 5; ++step) {
     const std::string name = "run-" + std::to_string(step);
-    runWell({"phantom", "sphere", "--voxels", std::to_string(28 + 4 * step), "-o", name + ".mhd"});
-    runWell({"build", name + ".mhd"});
+    writeBall(name + ".raw", 30, 7.0 + 1.5 * step);
+    runWell({"build", name + ".raw", "--raw-dims", "30,30,30", "--raw-type", "f32"});
     for (Words* words : {&steps, &drawn}) words->push_back(name + ".isb");
   }
   // Each by its key, by its number, by undo, and after playing.
@@ -124,14 +136,17 @@ TEST_F(ViewCommandTest, StepsOfTimeHaveOneView) {
       {"key": "UP"}, {"wait": "settled"}, {"picture": "run-1.png"},
       {"set": {"step": 2}}, {"wait": "settled"}, {"picture": "run-2.png"}, {"wait": 0.6},
       {"set": {"step": 9}}, {"wait": "settled"}, {"picture": "run-4.png"}, {"wait": 0.6},
-      {"key": "DOWN"}, {"wait": "settled"}, {"picture": "run-3.png"}, {"state": "v.json"}, {"wait": 0.6},
+      {"key": "DOWN"}, {"wait": "settled"}, {"picture": "run-3.png"}, {"state": "v.json"},
+      {"key": "S", "control": true}, {"wait": 0.6},
       {"key": "Z", "control": true}, {"wait": "settled"}, {"picture": "undone.png"},
       {"key": "Z", "control": true, "shift": true}, {"wait": "settled"}, {"picture": "redone.png"},
       {"key": "J"}, {"wait": 2}, {"key": "J"}, {"wait": "settled"}, {"state": "played.json"}]})");
   steps.insert(steps.end(),
-               {"--steps", "--offscreen", "--script", "steps.json", "--frames", "frames"});
+               {"--steps", "--offscreen", "--script", "steps.json", "--out-dir", "frames"});
   runWell(steps);
   EXPECT_EQ(Json::parse(readBytes(path("frames/v.json")))["step"], 3);
+  // The view is that of all steps.
+  EXPECT_EQ(Json::parse(readBytes(path("run-0.view.json")))["step"], 3);
   drawn.insert(drawn.end(),
                {"--steps", "--state", "frames/v.json", "--size", "300x200", "-o", "{name}.png"});
   runWell(drawn);
@@ -150,6 +165,16 @@ TEST_F(ViewCommandTest, StepsOfTimeHaveOneView) {
   steps.insert(steps.end(), {"--state", "frames/v.json"});
   runWell(steps);
   EXPECT_EQ(picture("frames/again"), picture("run-3"));
+  // One of another grid is not shown; and steps have the names that they were given.
+  write("other.json", R"({"size": [300, 200], "steps": [{"wait": "settled"}, {"set": {"step": 1}},
+      {"wait": "settled"}, {"state": "other.json"}]})");
+  for (const char* last : {"run-0.isb", "sphere.mhd"}) {
+    runWell({"view", "sphere.mhd", last, "--steps", "--offscreen", "--script", "other.json",
+             "--out-dir", "frames", "--force"});
+    const Json shown = Json::parse(readBytes(path("frames/other.json")));
+    EXPECT_EQ(shown["volume"], path("sphere.mhd"));
+    EXPECT_EQ(shown["step"], last == std::string("sphere.mhd") ? 1 : 0);
+  }
   expectFailure(2, {"view", "run-0.isb", "--steps"}, "give more of them");
   Words many(9, "sphere.isb");
   many.insert(many.begin(), "view");
@@ -161,7 +186,7 @@ TEST_F(ViewCommandTest, SeveralVolumesAreInOneScene) {
   runWell({"build", "head.nrrd", "--spacing", "0.7,0.7,0.9", "--origin", "30,5,0"});
   write("both.json", R"({"size": [400, 300], "steps": [
       {"wait": "settled"}, {"picture": "both.png"}, {"state": "both.view.json"}]})");
-  runWell({"view", "sphere.isb", "head.isb", "--offscreen", "--script", "both.json", "--frames",
+  runWell({"view", "sphere.isb", "head.isb", "--offscreen", "--script", "both.json", "--out-dir",
            "frames"});
   const Json view = Json::parse(readBytes(path("frames/both.view.json")));
   EXPECT_EQ(view["surfaces"][1]["volume"], 1);
@@ -175,10 +200,21 @@ TEST_F(ViewCommandTest, SeveralVolumesAreInOneScene) {
   const std::string both = readBytes(path("frames/both.png"));
   EXPECT_EQ(drawn({"sphere.isb", "head.isb"}), both);
   EXPECT_EQ(drawn({"sphere.isb"}), both);  // the view names the other one
-  // So does the window, with the view alone.
-  runWell({"view", "--state", "frames/both.view.json", "--offscreen", "--script", "both.json",
-           "--frames", "again"});
-  EXPECT_EQ(readBytes(path("again/both.png")), both);
+  // So does the window, with the view alone, and with the first.
+  for (const Words& files : {Words(), Words{"sphere.isb"}}) {
+    Words words{"view",        "--state",   "frames/both.view.json",
+                "--offscreen", "--script",  "both.json",
+                "--force",     "--out-dir", "again"};
+    words.insert(words.begin() + 1, files.begin(), files.end());
+    runWell(words);
+    EXPECT_EQ(readBytes(path("again/both.png")), both);
+  }
+  // Volumes keep their names.
+  runWell({"view", "sphere.mhd", "head.nrrd", "--offscreen", "--script", "both.json", "--out-dir",
+           "named"});
+  const Json named = Json::parse(readBytes(path("named/both.view.json")));
+  EXPECT_EQ(named["volume"], path("sphere.mhd"));
+  EXPECT_EQ(named["beside"], Json::array({path("head.nrrd")}));
 }
 
 TEST_F(ViewCommandTest, RenderDrawsWhatTheViewerShows) {

@@ -1,4 +1,6 @@
 // isobrick view: a window in which a volume is explored.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <memory>
@@ -60,20 +62,22 @@ std::size_t stepsWithRoom(const ViewOptions& options) {
   return std::clamp<std::size_t>(options.memory_bytes / bytes, 2, options.steps.size());
 }
 
-// Several FILE, or those of the view if none is named, are found before there is a window. They
-// share the memory.
+// Several FILE, or those of the view if none is named, are found before there is a window; beside
+// one FILE are those that the view has there. They share the memory.
 void openFiles(ViewArguments& arguments) {
   ViewOptions& options = arguments.options;
   std::vector<std::string>& files = arguments.files;
-  if (files.empty() && !options.state_path.empty()) {
+  if (files.size() < 2 && !arguments.steps && !options.state_path.empty()) {
     const SavedView view = readView(options.state_path);
-    files = view.beside;
-    if (!files.empty()) files.insert(files.begin(), view.volume);
+    if (files.empty() && !view.beside.empty()) files.push_back(view.volume);
+    files.insert(files.end(), view.beside.begin(), view.beside.end());
   }
   if (arguments.steps && files.size() < 2)
     throw UsageError("--steps goes through several FILE; give more of them");
-  if (!arguments.steps && files.size() > 8)
-    throw UsageError("a scene has at most 8 volumes; if these are steps of time, give --steps");
+  if (!arguments.steps && files.size() > kMostVolumes)
+    throw UsageError(fmt::format(
+        "a scene has at most {} volumes; if these are steps of time, give --steps", kMostVolumes));
+  const std::vector<std::string> names = files;
   for (std::size_t i = arguments.steps ? 0 : 1; i < files.size(); ++i) {
     VolumeInput input = arguments.input;
     input.path = files[i];
@@ -83,14 +87,17 @@ void openFiles(ViewArguments& arguments) {
   if (!files.empty()) options.path = arguments.input.path = files.front();
   if (arguments.steps) {
     options.steps = files;
+    options.step_names = names;
     options.steps_open = stepsWithRoom(options);
     options.memory_bytes /= options.steps_open;
     return;
   }
   options.memory_bytes /= std::max<std::size_t>(1, files.size());
-  for (std::size_t i = 1; i < files.size(); ++i)
+  for (std::size_t i = 1; i < files.size(); ++i) {
     options.beside.push_back(
         openPyramid(files[i], options.memory_bytes, options.remote, options.cancel));
+    options.beside.back().source = names[i];
+  }
 }
 
 int runViewCommand(ViewArguments& arguments) {
@@ -150,9 +157,11 @@ Command addViewCommand(CLI::App& app) {
   options.cancel = &interruptFlag();
   CLI::Option* const file = addVolumeInputs(*sub, arguments->files);
   file->description(file->get_description() + "; default: chosen in the window");
-  sub->add_flag("--steps", arguments->steps,
-                "Each FILE is a step of time: the panel has a slider for them, and plays them; "
-                "without it they are volumes of one scene");
+  sub->add_flag(
+      "--steps", arguments->steps,
+      "Each FILE is a step of time, all of one grid: the panel has a slider for them, and "
+      "plays them; "
+      "without it they are volumes of one scene");
   addVolumeOptions(*sub, arguments->input);
   addRegionOptions(*sub, arguments->region, false);
   addParsedOption(

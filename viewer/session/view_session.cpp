@@ -7,6 +7,7 @@
 
 #include "isobrick/extract/color_map.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/viewer/session/drawn_scene.h"
 
 namespace isobrick {
@@ -23,6 +24,14 @@ double firstIsovalue(const ViewVolume& volume) {
 }
 
 ComponentSeed seedOf(const SurfaceComponent& piece) { return {piece.point, piece.area}; }
+
+// Why the active surface, of a view of more volumes, is not there; empty: it is.
+std::string missingVolume(const ViewState& state, std::size_t besides) {
+  const int number = activeSurface(state).volume;
+  if (number >= 0 && static_cast<std::size_t>(number) <= besides) return {};
+  return "the active surface is of volume " + std::to_string(number) +
+         ", which is not open; open all volumes of the view with it";
+}
 
 }  // namespace
 
@@ -366,6 +375,7 @@ SessionStatus ViewSession::status() const {
     status.limited = std::to_string(lost) +
                      (lost == 1 ? " chosen piece is" : " chosen pieces are") +
                      " not there at this isovalue";
+  if (status.limited.empty()) status.limited = missingVolume(state_, beside_.size());
   if (waitsForPieces() && isFine()) status.doing = "finding the pieces";
   if (hides_no_more_ && activeSurface(state_).pieces.hide.size() >= kMostSeeds)
     status.limited = std::to_string(kMostSeeds) +
@@ -390,6 +400,8 @@ std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
 }
 
 MeshOrder ViewSession::meshOrder(const std::string& path) const {
+  if (const std::string missing = missingVolume(state_, beside_.size()); !missing.empty())
+    throw Error(missing);
   const auto surface = static_cast<std::size_t>(state_.active_surface);
   const BesideVolume* const beside = activeBeside();
   const SurfaceWish wish =
@@ -527,7 +539,8 @@ void VolumeShow::update(double seconds, UploadAllowance& allowance) {
   if (!takes_over || is_soon) return;
   shown_ = std::exchange(next_, std::nullopt);
   shown_since_ = seconds;
-  if (session()->interaction().playing) session()->state().step = *shown_->opened.step;
+  if (session()->interaction().playing && shown_->opened.step)
+    session()->state().step = *shown_->opened.step;
   if (!showsPreview()) aside_.reset();
 }
 

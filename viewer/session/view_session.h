@@ -186,7 +186,8 @@ class ViewSession {
   // stay the same; until then it is what was read last of that frame.
   std::optional<glm::dvec3> surfaceUnderCursor();
 
-  // The active surface, as fine as the view's settings, for a MeshQueue.
+  // The active surface, as fine as the view's settings, for a MeshQueue. Throws Error if its volume
+  // is not open.
   MeshOrder meshOrder(const std::string& path) const;
   // Writes the mesh that is on the screen now, all surfaces, as it was drawn; to look for faults.
   // Waits for it. Throws Error.

@@ -15,9 +15,9 @@ constexpr std::uint64_t kPreviewMemory = std::uint64_t{64} << 20;  // more than 
 }
 
 OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes,
-                         const RemoteOptions& remote, const CancelFlag* cancel) {
+                         const RemoteOptions& remote, const CancelFlag* cancel, FileAccess access) {
   return runAbandonable(isRemotePath(path) ? cancel : nullptr, [=] {
-    auto file = std::make_shared<const Pyramid>(path, memory_bytes, FileAccess::kMap, remote);
+    auto file = std::make_shared<const Pyramid>(path, memory_bytes, access, remote);
     ValueHistogram histogram = histogramOf(*file);
     return OpenedVolume{path, path, {}, std::move(file), std::move(histogram)};
   });

@@ -48,7 +48,8 @@ struct OpenedVolume {
 // Opens without building; reads the histogram. `remote` is for a URL. Throws Error, and Cancelled
 // soon after `cancel`, which may be null, even while a server is waited for.
 OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes,
-                         const RemoteOptions& remote = {}, const CancelFlag* cancel = nullptr);
+                         const RemoteOptions& remote = {}, const CancelFlag* cancel = nullptr,
+                         FileAccess access = FileAccess::kMap);
 
 // One opening at a time: a newer one ends the one before. All members are for one thread and never
 // wait, but the destructor waits for the end of a build.

@@ -304,10 +304,16 @@ SavedView takeVolumes(OrderedJson& json) {
   }
   if (json.contains("beside")) fromJson(json["beside"], "beside", view.beside);
   json.erase("beside");
-  if (!json.contains("volume")) return view;
-  if (!json["volume"].is_string()) throw Error("the view's 'volume' is not a text");
-  view.volume = json["volume"].get<std::string>();
-  json.erase("volume");
+  if (view.beside.size() >= kMostVolumes)
+    throw Error("the view has more than " + std::to_string(kMostVolumes) +
+                " volumes: 'volume' and those 'beside' it");
+  if (json.contains("volume")) {
+    if (!json["volume"].is_string()) throw Error("the view's 'volume' is not a text");
+    view.volume = json["volume"].get<std::string>();
+    json.erase("volume");
+  }
+  if (view.volume.empty() && !view.beside.empty())
+    throw Error("the view's 'volume' is missing, beside which others are");
   return view;
 }
 

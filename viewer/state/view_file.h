@@ -3,6 +3,7 @@
 // `--state` opens it.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ std::string viewStateToJson(const ViewState& state);
 ViewState viewStateFromJson(const std::string& text);
 
 inline constexpr int kViewVersion = 1;
+inline constexpr std::size_t kMostVolumes = 8;  // of a scene
 
 struct SavedView {
   // As the user named it: a path, a URL, a phantom; empty: the file does not say it.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <glm/geometric.hpp>
 #include <utility>
 
 #include "isobrick/storage/error.h"
@@ -26,12 +27,12 @@ OpenVolumes::OpenVolumes(const ViewOptions& options, const SessionOptions& sessi
       files_(files),
       recent_(readRecentFiles(options.recent_path)),
       show_(sessions),
-      steps_(options.steps, options.steps_open),
+      steps_(options.steps, options.steps_open, options.step_names),
       opener_(options.build, options.memory_bytes, options.remote) {}
 
 void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
   const bool is_preview = opened.preview_of.has_value();
-  if (session() == nullptr && steps_.count() > 0 && opened.source == steps_.path(0)) {
+  if (session() == nullptr && steps_.count() > 0 && opened.source == steps_.name(0)) {
     opened.step = 0;
     steps_.keep(opened);
   } else if (!is_preview) {
@@ -48,7 +49,7 @@ void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
 }
 
 void OpenVolumes::nameAfter(const std::string& source, const char* what) {
-  files_.nameAfter(source);
+  files_.nameAfter(source, showsStep() ? steps_.name(0) : source);
   target_.setTitle(shownName(fs::path(source).filename().string()) + what + " - isobrick");
 }
 
@@ -90,6 +91,7 @@ void OpenVolumes::goOnInTime(const glm::dvec2& size) {
   show_.dropNext();
   opener_.cancel();
   if (!next) return;
+  error_.clear();
   if (auto open = steps_.find(*next, shown))
     show_.take(std::move(*open), target_.renderer(), size);
   else
@@ -103,6 +105,19 @@ void OpenVolumes::stayInTime() {
   show_.dropNext();
   session()->interaction().playing = false;
   session()->state().step = *opened()->step;
+}
+
+// With another one, places in voxels, such as that of the region of interest, would not stay.
+bool OpenVolumes::hasGridOfSteps(const OpenedVolume& opened) const {
+  const PyramidSpec& spec = opened.file->spec();
+  const ViewVolume& shown = session()->volume();
+  const auto corners = worldCorners(spec.geometry, spec.voxels);
+  const auto wanted = worldCorners(shown.geometry, shown.voxels);
+  const double rounding = 0.01 * shown.geometry.leastSpacing();
+  return spec.voxels == shown.voxels &&
+         std::ranges::equal(corners, wanted, [=](const glm::dvec3& a, const glm::dvec3& b) {
+           return glm::distance(a, b) <= rounding;
+         });
 }
 
 void OpenVolumes::take(const glm::dvec2& size, bool keeps_preview,
@@ -119,7 +134,12 @@ void OpenVolumes::take(const glm::dvec2& size, bool keeps_preview,
   error_ = outcome->error;
   if (!next_step_) {
     if (outcome->volume) show(std::move(*outcome->volume), size);
+  } else if (outcome->volume && !hasGridOfSteps(*outcome->volume)) {
+    error_ = "'" + steps_.name(*next_step_) +
+             "' has another grid than the steps before; open it alone, or make its grid theirs";
+    stayInTime();
   } else if (outcome->volume) {
+    outcome->volume->source = steps_.name(*next_step_);
     outcome->volume->step = next_step_;
     steps_.keep(*outcome->volume);
     show_.take(std::move(*outcome->volume), target_.renderer(), size);

@@ -39,8 +39,12 @@ class OpenVolumes {
   ViewSession* session() const { return show_.session(); }
   const OpenedVolume* opened() const { return show_.opened(); }
   bool showsPreview() const { return show_.showsPreview(); }
-  // All that was opened is shown, as fine as it gets.
-  bool settled() const { return !busy() && !outcome_ && show_.settled() && !goesOnInTime(); }
+  // All that was opened is shown, as fine as it gets. Of steps that play, the shown one is.
+  bool settled() const {
+    const bool plays = next_step_ && showsStep() && session()->interaction().playing;
+    if (plays) return session()->settled() && session()->state().step == *opened()->step;
+    return !busy() && !outcome_ && show_.settled() && !goesOnInTime();
+  }
   // Another step than the shown one is chosen, or they play.
   bool goesOnInTime() const;
   // Of time, of which one is shown; 0: there are none.
@@ -63,6 +67,7 @@ class OpenVolumes {
   bool showsStep() const { return opened() != nullptr && opened()->step; }
   void goOnInTime(const glm::dvec2& size);
   void stayInTime();
+  bool hasGridOfSteps(const OpenedVolume& opened) const;
 
   const std::string recent_path_;
   ViewTarget& target_;

@@ -207,15 +207,16 @@ OutputFiles::OutputFiles(std::string state_path, std::string frames_folder,
       meshes_(options.threads),
       pictures_(options) {}
 
-void OutputFiles::nameAfter(const std::string& source) {
+void OutputFiles::nameAfter(const std::string& source, const std::string& views_of) {
   stem_ = stemOf(source);
-  if (source != named_after_) own_view_.forget();
-  views_.open(viewsFolderOf(source));
-  named_after_ = source;
+  if (views_of != named_after_) own_view_.forget();
+  views_.open(viewsFolderOf(views_of));
+  named_after_ = views_of;
   // The view of `--state` is that of the volume that it was opened with.
-  if (!first_source_) first_source_ = source;
-  state_path_ = !first_state_path_.empty() && source == *first_source_ ? first_state_path_
-                                                                       : stem_ + ".view.json";
+  if (!first_source_) first_source_ = views_of;
+  state_path_ = !first_state_path_.empty() && views_of == *first_source_
+                    ? first_state_path_
+                    : stemOf(views_of) + ".view.json";
 }
 
 Stakes OutputFiles::stakes(const Wishes& wishes, bool is_open) const {

@@ -135,8 +135,9 @@ class OutputFiles {
     bool drawn = false;
   };
 
-  // Another volume is shown, or a preview of it.
-  void nameAfter(const std::string& source);
+  // Another volume is shown, or a preview of it; `views_of`: the same or, of steps in time, which
+  // share their views, the first one.
+  void nameAfter(const std::string& source, const std::string& views_of);
   // What the user would lose by `wishes`. Looks at a file only if it matters, as a folder may be
   // far away: by these wishes, or since a question `is_open`.
   Stakes stakes(const Wishes& wishes, bool is_open) const;
@@ -176,7 +177,7 @@ class OutputFiles {
 
   const std::string first_state_path_, frames_folder_;
   std::string stem_ = "isobrick", state_path_ = "isobrick.view.json";
-  std::string named_after_;                  // the volume of these names
+  std::string named_after_;                  // the volume of the views
   std::optional<std::string> first_source_;  // the first of them
   OwnViewFile own_view_;
   NamedViews views_;

@@ -64,12 +64,13 @@ class ViewLoop {
         target_(host.target ? std::move(host.target) : makeTarget(options, player_)),
         panel_(std::make_unique<ViewPanel>(target_->scale(), *target_)),
         sessions_{options.threads, options.gpu_budget_bytes, {},
-                  options.region,  options.beside,           path_},
+                  options.region,  options.beside,           firstName()},
         files_(options.state_path, options.frames_folder, sessions_),
         volumes_(options, sessions_, *target_, files_),
         input_(*target_),
         log_(options.report_path),
         after_frame_(std::move(host.after_frame)) {
+    if (first_) first_->source = firstName();
     if (first_)
       volumes_.show(*std::exchange(first_, std::nullopt), input_.size());
     else if (opens_beside_)
@@ -90,6 +91,10 @@ class ViewLoop {
   }
 
  private:
+  // As the user named it.
+  const std::string& firstName() const {
+    return options_.step_names.empty() ? path_ : options_.step_names.front();
+  }
   ViewSession* session() const { return volumes_.session(); }
   bool awaitsClick() const { return session() != nullptr && session()->awaitsClick(); }
   bool awake() const {

@@ -17,8 +17,9 @@ namespace isobrick {
 struct ViewOptions {
   std::string path;                  // a pyramid, or a name that `build` takes; empty: nothing yet
   std::vector<OpenedVolume> beside;  // in the same world
-  // Pyramids that are its steps in time, itself the first, and how many of them stay open.
-  std::vector<std::string> steps;
+  // Pyramids that are its steps in time, itself the first, as the user named them (empty: by their
+  // paths), and how many of them stay open.
+  std::vector<std::string> steps, step_names;
   std::size_t steps_open = 2;
   VolumeBuilder build;                 // of a volume that is no pyramid
   std::uint64_t memory_bytes = 0;      // of the file, as Pyramid takes it

@@ -4,6 +4,7 @@
 #include <glm/geometric.hpp>
 #include <thread>
 
+#include "isobrick/storage/error.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/keeping_renderer.h"
@@ -110,6 +111,12 @@ TEST_F(BesideVolumeTest, IsovaluesAreOfTheVolumeOfTheirSurface) {
   settle();
   EXPECT_EQ(state.surfaces[1].isovalue, session_->activeVolume().greatest_value);
   EXPECT_EQ(session_->meshOrder("m.ply").query.isovalue, state.surfaces[1].isovalue);
+  EXPECT_EQ(session_->status().limited.find("volume 2"), std::string::npos);
+  // No surface of another volume takes the place of one that is not open.
+  state.surfaces[1].volume = 2;
+  EXPECT_THROW(session_->meshOrder("m.ply"), Error);
+  EXPECT_NE(session_->status().limited.find("volume 2"), std::string::npos);
+  state.surfaces[1].volume = 1;
   // One that is not shown has no triangles, whichever volume it is of.
   state.surfaces[1].isovalue = 2.0;
   state.surfaces[0].visible = false;

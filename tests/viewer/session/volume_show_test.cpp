@@ -202,6 +202,7 @@ TEST_F(VolumeShowTest, NothingIsLeftWhereNothingWasShownBefore) {
 TEST_F(VolumeShowTest, BothOutliveTheirRenderer) {
   opener_.open("scan");
   framesUntil([&] { return show_.showsPreview() && show_.settled(); });
+  show_.session()->interaction().playing = true;  // without steps of time
   goes_on_ = true;
   framesUntil([&] { return ended_; });
   show_.suspend();
@@ -209,6 +210,7 @@ TEST_F(VolumeShowTest, BothOutliveTheirRenderer) {
   show_.resume(renderer_);
   framesUntil([&] { return isWhole(); });
   EXPECT_FALSE(show_.showsPreview());
+  EXPECT_EQ(show_.session()->state().step, 0);
   EXPECT_FALSE(renderer_.frame().chunks.empty());
 }
 

@@ -74,6 +74,9 @@ TEST_F(ViewFileTest, VolumesBesideComeBack) {
   writeView(path_, viewOf("", ""));
   EXPECT_FALSE(written().contains("beside"));
   EXPECT_NE(refusal(R"({"beside": [1]})").find("beside"), std::string::npos);
+  EXPECT_NE(refusal(R"({"beside": ["a"]})").find("'volume' is missing"), std::string::npos);
+  const nlohmann::json many{{"volume", "a"}, {"beside", std::vector<std::string>(8, "b")}};
+  EXPECT_NE(refusal(many.dump()).find("more than 8 volumes"), std::string::npos);
 }
 
 TEST_F(ViewFileTest, OtherPathsAreAbsolute) {
