@@ -200,11 +200,16 @@ def test_unknown_messages_and_members_are_left_aside(server: Server) -> None:
         client = Client(line).begin()
         line.send('{"type":"later version","x":[1]}')
         client.until("fine", client.wish(iso=0.5, later=True))
-        # What is nested so deep that copies of it would take all of the stack, too.
-        deep = "[" * 14000 + "]" * 14000
-        line.send(f'{{"type":"wish","wish":900,"x":{deep},"surfaces":[{{"iso":0.5,"x":{deep}}}]}}')
+        line.send('{"type":"wish","wish":900,"x":[[["[[["]]],"surfaces":[{"iso":0.5,"x":[{}]}]}')
         client.until("fine", 900)
-        assert ask(server, "/api/volume/0/slice.png?x=" + deep[12000:-12000])[0] == 200
+        assert ask(server, "/api/volume/0/slice.png?x=[[1]]")[0] == 200
+        # So deep that copies of it would take all of the stack.
+        deep = "[" * 14000 + "]" * 14000
+        assert ask(server, "/api/volume/0/slice.png?x=" + deep[12000:-12000])[0] == 400
+        line.send(f'{{"type":"wish","wish":901,"x":{deep},"surfaces":[{{"iso":0.5,"x":{deep}}}]}}')
+        with pytest.raises(ConnectionClosed):
+            client.until("fine", 901)
+    assert ask(server, "/healthz")[0] == 200
 
 
 def test_random_bytes_and_huge_frames(server: Server) -> None:
@@ -233,6 +238,7 @@ def test_random_bytes_and_huge_frames(server: Server) -> None:
 def test_keys_hosts_and_origins(server: Server) -> None:
     port = server.host.split(":")[1]
     assert ask(server, "/healthz", key=False)[2] == b"ok\n"
+    assert ask(server, "/healthz?%zz", key=False)[0] == 200, "nothing is parsed without a key"
     for path in ("/api/volumes", "/api/volume/0", "/api/volume/0/slice.png", "/metrics",
                  "/api/volume/0/surface.glb?iso=0.5"):
         assert ask(server, path, key=False)[0] == 401
@@ -316,6 +322,8 @@ def test_a_folder_and_a_volume(folder: Path, tmp_path: Path) -> None:
         names = [row["name"] for row in json.loads(ask(server, "/api/volumes")[2])["volumes"]]
         assert names == ["a.isb", "scan.nrrd"]
         assert ask(server, "/api/volume/1/slice.png?build=0")[0] == 409
+        assert ask(server, "/api/volume/1/slice.png?axis=q")[0] == 400, "before anything is built"
+        assert ask(server, "/api/volume/0/slice.png?position=99")[0] == 400
         status, _, picture = ask(server, "/api/volume/0/slice.png?size=32")
         assert status == 200 and max(struct.unpack_from(">II", picture, 16)) <= 32
         rows = json.loads(ask(server, "/api/volumes")[2])["volumes"]
@@ -354,6 +362,39 @@ def test_a_volume_that_takes_long_is_said_and_keeps_nobody_waiting(folder: Path,
             status, headers, body = slow.result(60)
             assert status == 503 and headers["retry-after"] == "1" and b"ask again" in body
         ranges.communicate()
+
+
+def test_requests_that_wait_are_bounded_and_end_with_their_clients(folder: Path, tmp_path: Path) -> None:
+    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
+        assert ranges.stdout is not None
+        url = f"http://127.0.0.1:{int(ranges.stdout.readline())}/hangs/1/field.isb"
+        with Server(EXECUTABLE, "serve", url, "--cache-folder", tmp_path) as server:
+            path = "/api/volume/0/surface.glb?iso=0.5"
+            text = f"GET {path} HTTP/1.1\r\nHost: {server.host}\r\nAuthorization: Bearer {server.key}\r\n\r\n"
+            with contextlib.ExitStack() as lines:
+                for _ in range(64):
+                    line = lines.enter_context(socket.create_connection(server.host.split(":")))
+                    line.sendall(text.encode())
+                status, headers, body = ask(server, path)
+                assert status == 503 and headers["retry-after"] == "1" and b"too many" in body
+            for _ in range(100):
+                if b"isobrick_connections 1\n" in ask(server, "/metrics")[2]:
+                    break
+                time.sleep(0.05)
+            assert b"isobrick_connections 1\n" in ask(server, "/metrics")[2]
+        ranges.communicate()
+
+
+def test_a_fifth_volume_waits_for_its_place(folder: Path, tmp_path: Path) -> None:
+    for name in "abcde":
+        (tmp_path / f"{name}.isb").symlink_to(folder / "field.isb")
+    with Server(EXECUTABLE, "serve", tmp_path) as server:
+        with contextlib.ExitStack() as lines:
+            for volume in range(4):
+                Client(lines.enter_context(server.stream(volume))).begin()
+            status, headers, body = ask(server, "/api/volume/4")
+            assert status == 503 and headers["retry-after"] == "1" and b"in use" in body
 
 
 def resident_bytes(server: Server) -> int:

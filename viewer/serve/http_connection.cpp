@@ -1,4 +1,5 @@
 // A connection of HTTP: every request is checked here before anything is done for it.
+#include <sys/socket.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
+#include <cerrno>
 #include <chrono>
 #include <cstdlib>
 #include <exception>
@@ -40,7 +42,7 @@ using Fields = std::initializer_list<std::pair<Field, std::string_view>>;
 
 constexpr std::size_t kMostHeaderBytes = 8 << 10;
 // A request waits so long for its volume to be opened; who asks again may wait longer.
-constexpr int kMostLooks = 400;
+constexpr auto kLongestWait = std::chrono::seconds(20);
 constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
 constexpr std::string_view kTextType = "text/plain; charset=utf-8";
 constexpr char kNoSuchName[] = "there is nothing of this name";
@@ -104,7 +106,6 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   void read() {
     is_foreign_ = false;
-    looks_ = 0;
     parser_.emplace();
     parser_->header_limit(kMostHeaderBytes);
     parser_->body_limit(0);
@@ -116,6 +117,8 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
  private:
   using Then = std::function<void(HttpConnection&)>;
+  using Opened = std::shared_ptr<const OpenedVolume>;
+  using WithVolume = std::function<void(HttpConnection&, const Opened&)>;
 
   void onRead(HttpError error) {
     if (!error) {
@@ -160,7 +163,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     require(path.starts_with(state_.options.base_path), Status::not_found, kNoSuchName);
     path.remove_prefix(state_.options.base_path.size());
     const std::size_t end = std::min(path.size(), path.find('?'));
-    const Asked words = Asked::ofAddress(path.substr(std::min(path.size(), end + 1)));
+    const std::string_view words = path.substr(std::min(path.size(), end + 1));
     path = path.substr(0, end);
     if (request_.method() == http::verb::options && is_foreign_)
       return reply(Status::no_content, kTextType, "",
@@ -185,12 +188,12 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     answerVolume(*of_volume, words);
   }
 
-  void answerVolume(const VolumePath& path, const Asked& words) {
+  void answerVolume(const VolumePath& path, std::string_view words) {
     if (path.rest.empty()) return sendFacts(path.volume);
-    if (path.rest == "/slice.png") return sendSlice(path.volume, words);
+    if (path.rest == "/slice.png") return sendSlice(path.volume, Asked::ofAddress(words));
     for (const char* const extension : {".glb", ".ply", ".stl"})
       if (path.rest == std::string("/surface") + extension)
-        return sendSurface(path.volume, words, extension);
+        return sendSurface(path.volume, Asked::ofAddress(words), extension);
     throw Refusal{Status::not_found, kNoSuchName};
   }
 
@@ -219,23 +222,46 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
               {{"protocol", 1}, {"version", ISOBRICK_VERSION}, {"volumes", std::move(volumes)}});
   }
 
-  // The volume, which begins to be opened, or null.
-  std::shared_ptr<const OpenedVolume> openedVolume(std::size_t volume) {
+  // The volume, or null: it begins to be opened.
+  Opened openedVolume(std::size_t volume) {
     std::string error;
     const auto opened = state_.volumes.open(volume, error);
-    require(error.empty(), Status::internal_server_error, error.c_str());
+    require(error.empty(),
+            state_.volumes.isFailed(volume) ? Status::internal_server_error
+                                            : Status::service_unavailable,
+            error.c_str());
     return opened;
   }
 
-  // When the volume may be open.
-  void answerLater() {
-    require(++looks_ < kMostLooks, Status::service_unavailable,
+  // `what` with the volume, once it is open.
+  void whenOpen(std::size_t volume, const WithVolume& what) {
+    whenOpenBy(std::chrono::steady_clock::now() + kLongestWait, volume, what);
+  }
+  void whenOpenBy(std::chrono::steady_clock::time_point end, std::size_t volume,
+                  const WithVolume& what) {
+    if (!state_.volumes.isOpening(volume))
+      if (const auto opened = openedVolume(volume)) return what(*this, opened);
+    require(std::chrono::steady_clock::now() < end, Status::service_unavailable,
             "the volume is still being opened or built; ask again");
+    require(state_.waiting < kMostWaiting, Status::service_unavailable,
+            "too many requests wait for volumes that are being opened; try again later");
+    ++state_.waiting;
     stream_.expires_never();
     timer_.expires_after(kBetweenLooks);
-    timer_.async_wait([self = shared_from_this()](HttpError stopped) {
-      if (!stopped) self->doOrRefuse(Status::bad_request, &HttpConnection::answer);
+    timer_.async_wait([self = shared_from_this(), end, volume, what](HttpError stopped) {
+      --self->state_.waiting;
+      if (stopped || self->hasLeft()) return;
+      self->doOrRefuse(Status::bad_request, [&](HttpConnection& connection) {
+        connection.whenOpenBy(end, volume, what);
+      });
     });
+  }
+
+  // The client ended the connection, and has not asked for more before.
+  bool hasLeft() {
+    char next = 0;
+    const auto bytes = ::recv(stream_.socket().native_handle(), &next, 1, MSG_PEEK | MSG_DONTWAIT);
+    return bytes == 0 || (bytes < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
   }
 
   void sendFacts(std::size_t volume) {
@@ -254,20 +280,30 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   // A pyramid that is not open is opened for the slice alone, since a list of volumes shows slices.
   void sendSlice(std::size_t volume, const Asked& words) {
+    const SlicePictureOrder order = slicePictureOrder(words);
+    const bool builds = words.integer("build", 0, 1) != 0;
+    const Opened opened = state_.volumes.find(volume);
+    if (opened != nullptr || isPyramidFile(state_.volumes.pathOf(volume)))
+      return drawSlice(volume, order, opened);
+    require(builds, Status::conflict, "the volume is not open yet");
+    whenOpen(volume, [volume, order](HttpConnection& self, const Opened& now_open) {
+      self.drawSlice(volume, order, now_open);
+    });
+  }
+
+  void drawSlice(std::size_t volume, const SlicePictureOrder& order, Opened opened) {
     constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
+    if (opened != nullptr) planeOf(order, *opened->file);  // refused before it waits
     const std::string path = state_.volumes.pathOf(volume);
-    std::shared_ptr<const OpenedVolume> opened = state_.volumes.find(volume);
-    if (opened == nullptr && !isPyramidFile(path)) {
-      require(words.integer("build", 0, 1) != 0, Status::conflict, "the volume is not open yet");
-      opened = openedVolume(volume);
-      if (opened == nullptr) return answerLater();
-    }
-    if (opened != nullptr) slicePictureOrder(words, *opened->file);  // refused before it waits
-    run(state_.slices, [opened, path, words, &state = state_]() mutable -> Then {
+    run(state_.slices, [opened, path, order, &state = state_]() mutable -> Then {
       if (opened == nullptr)
         opened = std::make_shared<const OpenedVolume>(
             openPyramid(path, kMemory, state.options.remote, &state.stop));
-      const auto order = slicePictureOrder(words, *opened->file);
+      try {
+        planeOf(order, *opened->file);
+      } catch (const Error& failure) {
+        throw Refusal{Status::bad_request, failure.what()};
+      }
       return [picture = slicePicture(*opened->file, order, state.stop)](HttpConnection& self) {
         self.reply(Status::ok, typeOf(".png"), picture);
       };
@@ -276,8 +312,13 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
 
   void sendSurface(std::size_t volume, const Asked& words, const std::string& extension) {
     const SurfaceFileOrder order = surfaceFileOrder(words, extension);
-    const std::shared_ptr<const OpenedVolume> opened = openedVolume(volume);
-    if (opened == nullptr) return answerLater();
+    whenOpen(volume, [order, words, extension](HttpConnection& self, const Opened& opened) {
+      self.writeSurface(order, words, extension, opened);
+    });
+  }
+
+  void writeSurface(const SurfaceFileOrder& order, const Asked& words, const std::string& extension,
+                    const Opened& opened) {
     const std::string tag = surfaceTag(*opened, words, extension);
     if (header(Field::if_none_match) == tag)
       return reply(Status::not_modified, typeOf(extension), "", {{Field::etag, tag}});
@@ -415,7 +456,6 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::optional<http::request_parser<http::empty_body>> parser_;
   HttpRequest request_;
   boost::asio::steady_timer timer_;
-  int looks_ = 0;  // at a volume that is being opened
   bool is_foreign_ = false;
 };
 

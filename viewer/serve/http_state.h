@@ -22,7 +22,7 @@ namespace isobrick {
 
 class StreamConnection;
 
-inline constexpr std::size_t kMostConnections = 400, kMostClients = 200;
+inline constexpr std::size_t kMostConnections = 400, kMostClients = 200, kMostWaiting = 64;
 // Until a request has come.
 inline constexpr int kRequestSeconds = 10;
 // Without a sign of life of a client, or without its taking any of an answer.
@@ -44,6 +44,7 @@ struct ServerState {
         volumes(options.volumes, options.build, options.memory_bytes, options.remote) {}
 
   std::size_t connections = 0;
+  std::size_t waiting = 0;  // of them, for a volume that is being opened
   std::set<StreamConnection*> clients;
   boost::asio::io_context io{1};  // holds connections, which use the above in their end
   const ServeOptions options;

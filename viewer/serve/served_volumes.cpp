@@ -68,11 +68,11 @@ std::shared_ptr<const OpenedVolume> ServedVolumes::open(std::size_t volume, std:
   const std::string file = fileNow(wanted.served.path);
   if (wanted.opened != nullptr && file != wanted.file) wanted.opened.reset();
   if (wanted.opened != nullptr || wanted.opener != nullptr) return wanted.opened;
+  wanted.error.clear();
   if (!makeRoom()) {
     error = std::to_string(kMostOpen) + " volumes are in use, and no more can be open at once";
     return nullptr;
   }
-  wanted.error.clear();
   wanted.file = file;
   wanted.opener = std::make_unique<VolumeOpener>(build_, memory_bytes_, remote_);
   wanted.opener->open(wanted.served.path);

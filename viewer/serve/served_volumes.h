@@ -42,6 +42,9 @@ class ServedVolumes {
   std::shared_ptr<const OpenedVolume> find(std::size_t volume) const {
     return volumes_[volume].opened;
   }
+  bool isOpening(std::size_t volume) const { return volumes_[volume].opener != nullptr; }
+  // Its last opening failed.
+  bool isFailed(std::size_t volume) const { return !volumes_[volume].error.empty(); }
   // Takes what was opened.
   void update();
   // Its row in the list: docs/SERVE.md, "Requests".

@@ -15,22 +15,24 @@ namespace {
 
 constexpr double kFarVoxels = 1 << 30;
 
-IndexPlane planeOf(const Asked& words, const Index3& voxels) {
+std::optional<IndexPlane> planeOf(const Asked& words) {
   const auto corner = words.point("corner"), across = words.point("across");
   const auto along = words.point("along");
   if (corner && across && along) {
     for (const glm::dvec3& part : {*corner, *across, *along})
       if (glm::any(glm::greaterThan(glm::abs(part), glm::dvec3(kFarVoxels))))
         throw Error("the plane of the slice lies too far away");
-    return {*corner, *across, *along};
+    return IndexPlane{*corner, *across, *along};
   }
   if (corner || across || along) throw Error("'corner', 'across' and 'along' come together");
+  return std::nullopt;
+}
+
+int axisOf(const Asked& words) {
   const std::string name = words.text("axis");
   const int axis = name.empty() || name == "z" ? 2 : name == "y" ? 1 : 0;
   if (axis == 0 && name != "x") throw Error("'axis' is not x, y or z");
-  const auto last = static_cast<double>(voxels[axis] - 1);
-  return slicePlane(voxels, axis,
-                    words.within("position", 0.0, last).value_or(std::floor(0.5 * last)));
+  return axis;
 }
 
 }  // namespace
@@ -68,23 +70,38 @@ std::string surfaceTag(const OpenedVolume& volume, const Asked& words,
   return '"' + std::to_string(checksum64(all.data(), all.size())) + '"';
 }
 
-SlicePictureOrder slicePictureOrder(const Asked& words, const Pyramid& pyramid) {
+SlicePictureOrder slicePictureOrder(const Asked& words) {
   SlicePictureOrder order;
-  order.plane = planeOf(words, pyramid.spec().voxels);
+  order.plane = planeOf(words);
+  if (!order.plane) {
+    order.axis = axisOf(words);
+    order.position = words.within("position", 0.0, kFarVoxels);
+  }
   order.most_pixels = words.integer("size", 16, 2048).value_or(order.most_pixels);
-  order.window =
-      words.pair("window").value_or(std::array{pyramid.realRange().min, pyramid.realRange().max});
+  order.window = words.pair("window");
   if (const auto isovalue = words.number("iso"))
     order.contours.push_back({*isovalue, glm::vec3(1.0f, 0.75f, 0.2f)});
   order.least = words.number("least");
   return order;
 }
 
+IndexPlane planeOf(const SlicePictureOrder& order, const Pyramid& pyramid) {
+  if (order.plane) return *order.plane;
+  const Index3& voxels = pyramid.spec().voxels;
+  const auto last = static_cast<double>(voxels[order.axis] - 1);
+  const double position = order.position.value_or(std::floor(0.5 * last));
+  if (position > last) throw Error("'position' is not within its bounds");
+  return slicePlane(voxels, order.axis, position);
+}
+
 std::string slicePicture(const Pyramid& pyramid, const SlicePictureOrder& order,
                          const CancelFlag& cancel) {
-  const PlaneSampling sampling = samplingOf(pyramid.lattice(), order.plane, order.most_pixels);
-  const SliceImage values = samplePlane(pyramid, order.plane, sampling, cancel);
-  const PictureBytes picture = drawSlice(values, order.window, order.contours, 1.5);
+  const IndexPlane plane = planeOf(order, pyramid);
+  const PlaneSampling sampling = samplingOf(pyramid.lattice(), plane, order.most_pixels);
+  const SliceImage values = samplePlane(pyramid, plane, sampling, cancel);
+  const auto window =
+      order.window.value_or(std::array{pyramid.realRange().min, pyramid.realRange().max});
+  const PictureBytes picture = drawSlice(values, window, order.contours, 1.5);
   Image image{picture.width, picture.height, std::vector<float>(3 * values.values.size())};
   if (order.least) image.alpha.resize(values.values.size());
   const auto least = static_cast<float>(values.transform.stored(order.least.value_or(0.0)));

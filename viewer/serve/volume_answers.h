@@ -30,15 +30,20 @@ void writeSurfaceFile(const Pyramid& pyramid, SurfaceFileOrder order, const std:
 std::string surfaceTag(const OpenedVolume& volume, const Asked& words,
                        const std::string& extension);
 
+// A slice that is asked for, checked as far as that goes without the volume.
 struct SlicePictureOrder {
-  IndexPlane plane;
-  int most_pixels = 512;  // to the longer side
-  std::array<double, 2> window{0.0, 1.0};
+  std::optional<IndexPlane> plane;  // else that across `axis` at `position`, or in the middle
+  int axis = 2;
+  std::optional<double> position;
+  int most_pixels = 512;                        // to the longer side
+  std::optional<std::array<double, 2>> window;  // else all values
   std::vector<SliceContour> contours;
   std::optional<double> least;  // pixels below it, or without a value, are transparent
 };
-// Throws Error for words that are no slice of the volume.
-SlicePictureOrder slicePictureOrder(const Asked& words, const Pyramid& pyramid);
+// Throws Error for words that are no slice.
+SlicePictureOrder slicePictureOrder(const Asked& words);
+// Throws Error if it does not lie in the volume.
+IndexPlane planeOf(const SlicePictureOrder& order, const Pyramid& pyramid);
 // PNG. Throws Error, and Cancelled.
 std::string slicePicture(const Pyramid& pyramid, const SlicePictureOrder& order,
                          const CancelFlag& cancel);

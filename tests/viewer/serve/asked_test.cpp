@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <string>
 
@@ -42,6 +44,32 @@ TEST(Asked, OtherTextIsRefused) {
                                  "x=\"1\"", "x=true", "x={}", "x=%ff"})
     EXPECT_THROW(Asked::ofAddress(none).number("x"), Error) << none;
 }
+
+TEST(Asked, WhatIsNestedDeeplyIsRefused) {
+  const auto nested = [](std::size_t depth) {
+    return std::string(depth, '[') + R"("[[\"[[")" + std::string(depth, ']');
+  };
+  EXPECT_NO_THROW(Asked::ofMessage("{\"x\":" + nested(15) + "}"));
+  EXPECT_THROW(Asked::ofMessage("{\"x\":" + nested(16) + "}"), Error);
+  EXPECT_THROW(Asked::ofMessage(nested(30'000)), Error);
+  EXPECT_THROW(Asked::ofAddress("x=" + nested(30)), Error);
+}
+
+double secondsFor(int objects) {
+  std::string text = "{\"x\":[{}";
+  for (int i = 1; i < objects; ++i) text += ",{}";
+  text += "]}";
+  double least = 1e9;
+  for (int i = 0; i < 5; ++i) {
+    const auto begin = std::chrono::steady_clock::now();
+    Asked::ofMessage(text);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
+    least = std::min(least, taken.count());
+  }
+  return least;
+}
+
+TEST(Asked, TheTimeGoesByTheLength) { EXPECT_LT(secondsFor(40'000), 60 * secondsFor(2'000)); }
 
 TEST(Asked, RandomBytesAreRefusedOrBounded) {
   const std::string pieces = "0123456789.,=&%-+eE[]{}\"\\\xff\x01xn";
