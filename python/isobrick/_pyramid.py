@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import json
 import os
+import re
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -543,11 +544,14 @@ def _is_volume(path: str) -> bool:
     if path.startswith("phantom:"):
         return True
     if _core.is_remote_path(path):
-        return path.split("?")[0].rstrip("/").endswith((".zarr", ".ozx", ".zip"))
+        parts = path.split("?")[0].lower().split("/")
+        return parts[-1] == "" or any(part.endswith((".zarr", ".ozx", ".zip")) for part in parts)
+    if path.rstrip("/").endswith((".isb", ".isbs")):
+        return False
     if os.path.isdir(path):
         return not os.path.exists(os.path.join(path, "index.isb"))
     try:
         with builtins.open(path, "rb") as file:
             return file.read(8) != b"ISOBRICK"
     except OSError:
-        return not path.endswith((".isb", ".isbs")) and ".h5:" in path
+        return re.search(r"\.(h5|hdf5|hdf|he5|nxs|nc|ims|mat):", path.lower()) is not None

@@ -238,7 +238,7 @@ TEST_F(BuildCommandTest, WrongUsage) {
       {{"a.nrrd", "--memory", ""}, "--memory"},
       {{"a.nrrd", "--memory", "0"}, "'0'"},
       {{"a.nrrd", "--memory", "much"}, "much"},
-      {{"a.nrrd", "--memory", "12MB"}, "12MB"},
+      {{"a.nrrd", "--memory", "12XB"}, "12XB"},
       {{"a.nrrd", "--memory", "-1G"}, "-1G"},
       {{"a.nrrd", "--memory", "1.5"}, "1.5"},
       {{"a.nrrd", "--memory", "1e30G"}, "1e30G"},

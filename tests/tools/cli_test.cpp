@@ -386,7 +386,6 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
   makeSphere();
   writeBytes(path("ramp.raw"), makeRawVolume());
   const std::vector<std::pair<Words, std::string>> cases = {
-      {{}, "subcommand"},
       {{"explode"}, "explode"},
       {{"--loud"}, "--loud"},
       {{"build"}, "INPUT"},

@@ -176,8 +176,8 @@ TEST_F(RenderSequenceTest, ABackgroundHasAName) {
   EXPECT_EQ(picture({"--background", "white"}), picture({"--background", "1,1,1"}));
   EXPECT_NE(picture({"--background", "light"}), picture({"--background", "white"}));
   EXPECT_NE(picture({"--ambient-occlusion"}), picture({}));
-  expectFailure(2, {"render", "head.isb", "--iso", "500", "-o", "b.png", "--background", "pink"},
-                "pink");
+  expectFailure(2, {"render", "head.isb", "--iso", "500", "-o", "b.png", "--background", "rose"},
+                "rose");
 }
 
 }  // namespace

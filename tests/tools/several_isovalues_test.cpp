@@ -38,7 +38,8 @@ TEST_F(SeveralIsovaluesTest, OneIsAnObjectOfItsOwn) {
   EXPECT_EQ(json["output"], "m.ply");
   EXPECT_EQ(json["isovalue"], 500.0);
   for (const char* key : {"open", "extract", "write"}) EXPECT_TRUE(json["seconds"].contains(key));
-  EXPECT_FALSE(json.contains("surfaces"));
+  ASSERT_EQ(json["surfaces"].size(), 1u);
+  EXPECT_EQ(json["surfaces"][0]["output"], "m.ply");
 }
 
 TEST_F(SeveralIsovaluesTest, NothingIsWrittenIfOneOfThemIsInTheWay) {

@@ -183,8 +183,11 @@ void checkDivision(const BuildArguments& arguments) {
   if (given != nullptr && !arguments.isDivided())
     throw UsageError(
         fmt::format("{} is for pyramids of many files; name the folder with -o OUT.isbs", given));
-  if (arguments.isDivided() && !arguments.settings.options.preview.folder.empty())
+  const bool has_previews = !arguments.settings.options.preview.folder.empty();
+  if (arguments.isDivided() && has_previews)
     throw UsageError("previews are for pyramids of one file");
+  if (has_previews && arguments.settings.progress != ProgressStyle::kLines)
+    throw UsageError("--preview-folder goes with --progress-lines");
   if (arguments.isDivided() && arguments.settings.options.mask_nan)
     throw UsageError("--mask-nan is for pyramids of one file; write OUT.isb, or give --nan-as V");
 }
@@ -271,15 +274,14 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   addJsonFlag(sub, arguments.json);
   sub.add_flag("--verbose", arguments.settings.verbose, "Say how long each phase took, too");
   beginGroup(sub, kProgramGroup);
-  CLI::Option* const lines = sub.add_flag_callback(
+  sub.add_flag_callback(
       "--progress-lines", [&] { arguments.settings.progress = ProgressStyle::kLines; },
       "Write how far it is on stderr as lines, for programs: progress 0.612 bricks");
   PreviewOptions& preview = arguments.settings.options.preview;
   addParsedOption(
       sub, "--preview-folder", preview.folder, notEmpty, "DIR",
       "Write a coarse pyramid of what was read by then there, now and then, and a line: "
-      "preview STEP X Y Z PATH (every STEP-th of X x Y x Z voxels); all go in the end")
-      ->needs(lines);
+      "preview STEP X Y Z PATH (every STEP-th of X x Y x Z voxels); all go in the end");
   addParsedOption(
       sub, "--preview-share", preview.most_share, numberFrom(0), "S",
       fmt::format("Share of a build's time that previews may take; 0: none are made; 1: one after "

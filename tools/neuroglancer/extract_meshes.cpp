@@ -46,14 +46,17 @@ void printMeshes(const std::string& output, const std::vector<PrecomputedMesh>& 
 
 void refuseForMeshes(const CLI::App& command, const QueryOptions& options,
                      const std::string& output, bool force) {
+  const auto refuse = [](const std::string& option) {
+    throw UsageError(
+        fmt::format("{} does not go with a .precomputed output, which holds all levels of the "
+                    "pyramid; leave it out, or write another format",
+                    option));
+  };
   for (const CLI::Option* const option :
        optionsBeside(command, {"FILE", "--iso", "--inside", "--output", "--force", "--json",
                                "--threads", "--memory", "--no-map"}))
-    if (option->count() > 0)
-      throw UsageError(fmt::format(
-          "{} does not go with a .precomputed output, which holds all levels of the pyramid; leave "
-          "it out, or write another format",
-          option->get_name()));
+    if (option->count() > 0) refuse(option->get_name());
+  if (command.count("--repeat") > 0) refuse("--repeat");  // hidden
   refuseReplacingFolder({output}, {options.input.path, options.input.pyramid}, force,
                         holdsPrecomputedMeshes);
 }
