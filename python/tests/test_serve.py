@@ -376,6 +376,7 @@ def test_requests_that_wait_are_bounded_and_end_with_their_clients(folder: Path,
                 for _ in range(64):
                     line = lines.enter_context(socket.create_connection(server.host.split(":")))
                     line.sendall(text.encode())
+                    assert ask(server, "/healthz")[0] == 200  # so that it is behind the other
                 status, headers, body = ask(server, path)
                 assert status == 503 and headers["retry-after"] == "1" and b"too many" in body
             for _ in range(100):
