@@ -2,7 +2,7 @@
 # Compiles isobrick for arm64, runs the tests of storage, extract and preprocess under qemu, and compares pyramids and
 # meshes, byte by byte, with those of x86-64:
 #   tests/house/arm64.sh [WORK_FOLDER [FOLDER_OF_THE_COMMAND]]
-# Needs what tools/arm64_sysroot.sh needs, and an hour of a core. Its tests have not run to their end yet. FOLDER_OF_THE_COMMAND has `isobrick` and
+# Needs what tools/arm64_sysroot.sh needs, and an hour of a core. FOLDER_OF_THE_COMMAND has `isobrick` and
 # `isobrick-build` of this machine; without it they are compiled, too. A root and builds of an earlier run that lie in
 # WORK_FOLDER are used again. Prints what is compared; ends with "arm64: works".
 set -euo pipefail
@@ -45,15 +45,18 @@ compile "$work/arm64" --toolchain "$source/cmake/arm64.cmake" -D ISOBRICK_ARM64_
 
 # ---- the tests
 
-qemu() { qemu-aarch64-static -L "$work/root" "$@"; }
-# qemu keeps a record of each page that a program ever mapped: a mapped terabyte takes all memory, and a process
-# may not open pyramids thousands of times, each of which reserves addresses as large as its memory. Its signals, system calls and resident pages are its own, not the program's.
+# Signals, system calls and resident pages are qemu's own, not the program's; what opens a pyramid thousands of times
+# takes minutes here and proves the same. qemu keeps a record of each page that a program ever mapped. Of extract's tests,
+# which reserve addresses for meshes, -R bounds it: addresses are used again, and a process takes 7 GiB at most.
+qemu() { qemu-aarch64-static "${addresses[@]}" -L "$work/root" "$@"; }
 left_out='HollowFile.*:HostileFile.NastyNumbers*:BusErrorGuardTest.*:*AHitMakesNoSystemCall*:Soak.*'
 left_out+=':BufferSlab.CountsAsUsedOnlyAsFarAsBuffersReach:PagerSlab.WithoutAddressesTheHeapServes'
-left_out+=':HttpRangesTest.ManyFilesAreAskedForAtOnce:DamagedFile.*Flip*:SmoothingTest.ABallKeepsItsVolumeAndBecomesRound'
-left_out+=':ProgressiveQuery.AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer'
+left_out+=':HttpRangesTest.ManyFilesAreAskedForAtOnce:DamagedFile.*Flip*:*FailingFile*CutEnds*:*FailingFile*ThatIsCut*'
+left_out+=':*FailingFile*ACutAtAnyMoment*:SurfaceMesh.WithoutMemoryOrAddresses*'
 shards=40
 runShard() {  # ROOM SHARD
+  local addresses=()
+  [ "$1" != extract ] || addresses=(-R 0x10000000000)
   GTEST_TOTAL_SHARDS=$shards GTEST_SHARD_INDEX=$2 ISOBRICK_REPETITIONS=5 \
     qemu "$work/arm64/tests/isobrick_$1_tests" --gtest_brief=1 --gtest_filter="-$left_out" >"$work/$1.$2.log" 2>&1 ||
     { tail -n 50 "$work/$1.$2.log" >&2; return 1; }
