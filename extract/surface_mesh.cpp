@@ -98,8 +98,8 @@ const SurfaceMesh::Part& SurfaceMesh::partOfVertex(std::uint64_t vertex) const {
 }
 
 void SurfaceMesh::keep(std::span<const std::uint8_t> is_kept) {
-  constexpr std::uint32_t kNone = ~std::uint32_t{0};
-  std::vector<std::uint32_t> number(vertices_, kNone);
+  constexpr std::uint32_t kDropped = ~std::uint32_t{0};
+  std::vector<std::uint32_t> number(vertices_, kDropped);
   std::uint32_t* const corners = triangleData();
   for (std::uint64_t corner = 0; corner < 3 * triangles_; ++corner)
     if (is_kept[corner / 3] != 0) number[corners[corner]] = 0;
@@ -108,7 +108,7 @@ void SurfaceMesh::keep(std::span<const std::uint8_t> is_kept) {
     const Part before =
         std::exchange(part, {vertices, 0, triangles, 0, part.origin, part.level, 0});
     for (std::uint64_t v = before.first_vertex; v < before.first_vertex + before.vertices; ++v) {
-      if (number[v] == kNone) continue;
+      if (number[v] == kDropped) continue;
       positionData()[vertices] = positionData()[v];
       normalData()[vertices] = normalData()[v];
       number[v] = static_cast<std::uint32_t>(vertices++);

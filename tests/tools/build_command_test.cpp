@@ -174,7 +174,7 @@ TEST_F(BuildCommandTest, PreviewsComeWithALineForProgramsAndGo) {
   runWell({"build", "phantom:sphere:160", "-o", "b.isb"});
   EXPECT_TRUE(readBytes(path("a.isb")) == readBytes(path("b.isb")));
   expectFailure(2, {"build", "phantom:sphere:160", "--preview-folder", "previews"},
-                "--progress-lines");
+                "lines of progress");
 }
 
 TEST_F(BuildCommandTest, APyramidOfAnotherInputNeedsForce) {

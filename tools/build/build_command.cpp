@@ -187,7 +187,7 @@ void checkDivision(const BuildArguments& arguments) {
   if (arguments.isDivided() && has_previews)
     throw UsageError("previews are for pyramids of one file");
   if (has_previews && arguments.settings.progress != ProgressStyle::kLines)
-    throw UsageError("--preview-folder goes with --progress-lines");
+    throw UsageError("a folder for previews goes with lines of progress");
   if (arguments.isDivided() && arguments.settings.options.mask_nan)
     throw UsageError("--mask-nan is for pyramids of one file; write OUT.isb, or give --nan-as V");
 }
