@@ -106,6 +106,16 @@ def opened(server: Server, volume: int = 0) -> dict[str, Any]:
     raise AssertionError("the volume was not opened")
 
 
+@contextlib.contextmanager
+def range_server(folder: Path) -> Iterator[str]:
+    """The address of tests/support/range_server.py."""
+    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
+        assert ranges.stdout is not None
+        yield f"http://127.0.0.1:{int(ranges.stdout.readline())}"
+        ranges.communicate()
+
+
 def test_chunks_make_the_closed_surface_of_extract(
     server: Server, folder: Path, tmp_path: Path
 ) -> None:
@@ -349,10 +359,8 @@ def test_a_folder_and_a_volume(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_volume_that_takes_long_is_said_and_keeps_nobody_waiting(folder: Path, tmp_path: Path) -> None:
-    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
-        assert ranges.stdout is not None
-        url = f"http://127.0.0.1:{int(ranges.stdout.readline())}/hangs/1/field.isb"
+    with range_server(folder) as address:
+        url = f"{address}/hangs/1/field.isb"
         with (Server(EXECUTABLE, "serve", url, folder / "field.isb", "--cache-folder", tmp_path) as server,
               concurrent.futures.ThreadPoolExecutor(1) as pool):
             slow = pool.submit(ask, server, "/api/volume/0/surface.glb?iso=0.5")
@@ -361,14 +369,11 @@ def test_a_volume_that_takes_long_is_said_and_keeps_nobody_waiting(folder: Path,
             assert ask(server, "/api/volume/1/surface.glb?iso=0.5")[0] == 200 and not slow.done()
             status, headers, body = slow.result(60)
             assert status == 503 and headers["retry-after"] == "1" and b"ask again" in body
-        ranges.communicate()
 
 
 def test_requests_that_wait_are_bounded_and_end_with_their_clients(folder: Path, tmp_path: Path) -> None:
-    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
-        assert ranges.stdout is not None
-        url = f"http://127.0.0.1:{int(ranges.stdout.readline())}/hangs/1/field.isb"
+    with range_server(folder) as address:
+        url = f"{address}/hangs/1/field.isb"
         with Server(EXECUTABLE, "serve", url, "--cache-folder", tmp_path) as server:
             path = "/api/volume/0/surface.glb?iso=0.5"
             text = f"GET {path} HTTP/1.1\r\nHost: {server.host}\r\nAuthorization: Bearer {server.key}\r\n\r\n"
@@ -384,7 +389,6 @@ def test_requests_that_wait_are_bounded_and_end_with_their_clients(folder: Path,
                     break
                 time.sleep(0.05)
             assert b"isobrick_connections 1\n" in ask(server, "/metrics")[2]
-        ranges.communicate()
 
 
 def test_a_fifth_volume_waits_for_its_place(folder: Path, tmp_path: Path) -> None:
@@ -534,10 +538,8 @@ def test_a_slow_line_slows_itself_alone(server: Server) -> None:
 
 
 def test_a_volume_behind_a_url(folder: Path, tmp_path: Path) -> None:
-    words = [sys.executable, str(TESTS / "support" / "range_server.py"), str(folder)]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as ranges:
-        assert ranges.stdout is not None
-        url = f"http://127.0.0.1:{int(ranges.stdout.readline())}/good/field.isb"
+    with range_server(folder) as address:
+        url = f"{address}/good/field.isb"
         with Server(EXECUTABLE, "serve", url, "--cache-folder", tmp_path) as server:
             assert ask(server, "/api/volume/0/slice.png?size=48")[0] == 200
             assert opened(server)["name"] == "field.isb"
@@ -545,7 +547,6 @@ def test_a_volume_behind_a_url(folder: Path, tmp_path: Path) -> None:
                 client = Client(line).begin()
                 client.until("fine", client.wish(iso=0.5))
                 assert open_edges(client.mesh()[2]) == 0
-        ranges.communicate()
 
 
 def test_it_ends_in_the_middle_of_an_extraction(folder: Path, tmp_path: Path) -> None:
