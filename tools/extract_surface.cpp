@@ -142,14 +142,10 @@ TriangleSink& ExtractedSurface::componentSink() {
 void ExtractedSurface::endComponents() {
   result_.components = finder_->take();
   const SurfaceComponents& all = *result_.components;
+  result_.is_kept = all.kept(arguments_.keep_largest, arguments_.drop_below.value_or(0));
   if (arguments_.keep_largest) {
-    result_.is_kept = all.largest(*arguments_.keep_largest, arguments_.drop_below.value_or(0));
     const bool is_cut = (query_.box || !query_.region.isEverywhere()) && !query_.cap;
     result_.ranked_by = is_cut || result_.missing_voxels > 0 ? "area" : "volume";
-  } else {
-    result_.is_kept.assign(all.list().size(), 0);
-    std::fill_n(result_.is_kept.begin(), all.countFrom(arguments_.drop_below.value_or(0)),
-                std::uint8_t{1});
   }
   result_.components_seconds = watch_.seconds();
 }

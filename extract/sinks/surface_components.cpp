@@ -116,6 +116,14 @@ std::size_t SurfaceComponents::countFrom(double area) const {
       list_.begin());
 }
 
+std::vector<std::uint8_t> SurfaceComponents::kept(std::optional<std::size_t> count,
+                                                  double least_area) const {
+  if (count) return largest(*count, least_area);
+  std::vector<std::uint8_t> is_kept(list_.size(), 0);
+  std::fill_n(is_kept.begin(), countFrom(least_area), std::uint8_t{1});
+  return is_kept;
+}
+
 std::vector<std::uint8_t> SurfaceComponents::largest(std::size_t count, double least_area) const {
   std::vector<std::size_t> body_of(list_.size()), bodies;
   std::vector<double> sizes(list_.size(), 0.0);

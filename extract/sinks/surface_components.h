@@ -53,6 +53,8 @@ class SurfaceComponents {
   // cavities: walls of hollows that lie in the box of no smaller body. The largest are those that
   // enclose the most, cavities left out; if a box cuts the surface, those of the largest area.
   std::vector<std::uint8_t> largest(std::size_t count, double least_area = 0) const;
+  // The same for all of at least an area if there is no count: then nothing is ranked.
+  std::vector<std::uint8_t> kept(std::optional<std::size_t> count, double least_area) const;
   // For every point that the finder was given, the component that is nearest to it, as its place in
   // the list; none: there is none within reach.
   const std::vector<std::optional<std::size_t>>& atPoints() const { return at_points_; }

@@ -105,13 +105,6 @@ class TriangleComponents : public TriangleSink {
 
 }  // namespace
 
-std::vector<std::uint8_t> PieceChoice::keptOf(const SurfaceComponents& all) const {
-  if (largest) return all.largest(*largest, least_area.value_or(0));
-  std::vector<std::uint8_t> is_kept(all.list().size(), 0);
-  std::fill_n(is_kept.begin(), all.countFrom(least_area.value_or(0)), std::uint8_t{1});
-  return is_kept;
-}
-
 RoomyBytes::~RoomyBytes() {
   if (data_ != nullptr) ::munmap(data_, bytes_);
 }

@@ -46,8 +46,9 @@ struct PieceChoice {
   std::optional<double> least_area;
 
   bool isGiven() const { return largest || least_area; }
-  // An entry for each of the list, as SurfaceComponents::largest() has it.
-  std::vector<std::uint8_t> keptOf(const SurfaceComponents& all) const;
+  std::vector<std::uint8_t> keptOf(const SurfaceComponents& all) const {
+    return all.kept(largest, least_area.value_or(0));
+  }
 };
 
 // An extracted mesh, and what is made of it when it is first asked for. One thread at a time makes
