@@ -6,7 +6,6 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include <algorithm>
 #include <bit>
 
 #include "isobrick/extract/kernels/brick_rows.h"
@@ -38,8 +37,6 @@ constexpr std::uint8_t slotOfEdge(int edge) {
 HWY_BEFORE_NAMESPACE();
 namespace isobrick {
 namespace HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
-
 // The numbers that one row of cells needs from the rows around it.
 struct CellRow {
   std::uint32_t number[8];        // of the first crossing of each of the eight rows, see PackedCase
@@ -135,27 +132,13 @@ HWY_INLINE std::uint32_t* meshFirstCell(const CellWords& c, const CellRow& row,
   return out;
 }
 
-// The greatest of some numbers and `greatest`.
-HWY_INLINE std::uint32_t greatestOf(const std::uint32_t* numbers, const std::uint32_t* end,
-                                    std::uint32_t greatest) {
-  const hn::ScalableTag<std::uint32_t> d;
-  const std::ptrdiff_t lanes = static_cast<std::ptrdiff_t>(hn::Lanes(d));
-  auto most = hn::Set(d, greatest);
-  for (; end - numbers >= lanes; numbers += lanes) most = hn::Max(most, hn::LoadU(d, numbers));
-  greatest = hn::GetLane(hn::MaxOfLanes(d, most));
-  for (; numbers < end; ++numbers) greatest = std::max(greatest, *numbers);
-  return greatest;
-}
-
-std::uint32_t makeAllTriangles(const BrickRows& rows, const FirstVertices& first,
-                               const PackedCase* cases, std::uint32_t* out) {
+void makeAllTriangles(const BrickRows& rows, const FirstVertices& first, const PackedCase* cases,
+                      std::uint32_t* out) {
   const std::int64_t words = rows.words_per_row;
   const auto slice = static_cast<std::size_t>(rows.rowsPerSlice());
   const std::uint32_t* const end = out + 3 * static_cast<std::size_t>(rows.triangles);
   const bool foreign_first = (rows.foreign_sides & 1) != 0;
-  std::uint32_t greatest = 0;
   for (const std::size_t r : rows.rows_with_crossed_cells.list()) {
-    const std::uint32_t* const row_begin = out;
     const std::size_t r10 = r + 1, r01 = r + slice, r11 = r01 + 1;
     CellRow row = {{first[0] + rows.numbers[0][r], first[0] + rows.numbers[0][r10],
                     first[0] + rows.numbers[0][r01], first[0] + rows.numbers[0][r11],
@@ -182,9 +165,7 @@ std::uint32_t makeAllTriangles(const BrickRows& rows, const FirstVertices& first
         for (std::size_t n = 0; n < 8; ++n)
           row.number[n] += static_cast<std::uint32_t>(std::popcount(crossed[n]));
     }
-    greatest = greatestOf(row_begin, out, greatest);  // while it is in the nearest cache
   }
-  return greatest;
 }
 
 }  // namespace HWY_NAMESPACE
@@ -216,11 +197,10 @@ PackedCases packCases(bool mirrored) {
 
 HWY_EXPORT(makeAllTriangles);
 
-std::uint32_t makeTriangles(const BrickRows& rows, const FirstVertices& first, bool mirrored,
-                            std::uint32_t* triangles) {
+void makeTriangles(const BrickRows& rows, const FirstVertices& first, bool mirrored,
+                   std::uint32_t* triangles) {
   static const PackedCases cases[2] = {packCases(false), packCases(true)};
-  return HWY_DYNAMIC_DISPATCH(makeAllTriangles)(rows, first, cases[mirrored ? 1 : 0].data(),
-                                                triangles);
+  HWY_DYNAMIC_DISPATCH(makeAllTriangles)(rows, first, cases[mirrored ? 1 : 0].data(), triangles);
 }
 
 }  // namespace isobrick

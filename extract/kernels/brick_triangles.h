@@ -16,10 +16,8 @@ inline FirstVertices firstVertices(const BrickRows& rows, std::uint32_t first_ve
 }
 
 // Writes the 3 * rows.triangles vertex numbers that numberRows() counted, cells by k, j, i, and
-// nothing beyond. `mirrored` turns every triangle round. Returns the greatest number: if the ranges
-// in a file are wrong, a foreign side has numbers of no vertex, and the caller finds them here
-// before it uses them.
-std::uint32_t makeTriangles(const BrickRows& rows, const FirstVertices& first, bool mirrored,
-                            std::uint32_t* triangles);
+// nothing beyond. `mirrored` turns every triangle round.
+void makeTriangles(const BrickRows& rows, const FirstVertices& first, bool mirrored,
+                   std::uint32_t* triangles);
 
 }  // namespace isobrick

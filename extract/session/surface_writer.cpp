@@ -22,8 +22,7 @@
 namespace isobrick {
 namespace {
 
-// Stands for the first crossing of a row in a damaged brick that should have it and lacks it. It
-// stays beyond every vertex, whatever is added to the number of a row's first crossing.
+// Stands for the first crossing of a row in a damaged brick that should have it and lacks it.
 constexpr std::uint32_t kNoCrossing = SurfaceMesh::kMostVertices + 1;
 
 // Numbers of the crossings on a brick's high sides, as vertex numbers of the mesh, in one array
@@ -84,6 +83,16 @@ bool hasCrossings(const BrickRows& rows, int axis, std::int64_t r) {
     any |= rows.crossed[a][static_cast<std::size_t>(r * words + w)];
   }
   return near != 0 && any != 0;
+}
+
+// Of a row that has crossings: how many, that at corner 0 aside.
+std::uint32_t crossingsBeyondFirst(const BrickRows& rows, int axis, std::int64_t r) {
+  const std::uint64_t* words =
+      rows.crossed[static_cast<std::size_t>(axis)].data() + r * rows.words_per_row;
+  std::uint32_t count = 0;
+  for (std::int64_t w = 0; w < rows.words_per_row; ++w)
+    count += static_cast<std::uint32_t>(std::popcount(words[w]));
+  return count;
 }
 
 // Set once, by one thread, and waited for by others.
@@ -225,9 +234,8 @@ class SurfaceWriter::Run {
                     &mesh_.positionData()[job.first_vertex].x,
                     &mesh_.normalData()[job.first_vertex].x);
       context_.checkCancel();
-      const std::uint32_t greatest = makeTriangles(rows, first, context_.frame.mirrored(),
-                                                   mesh_.triangleData() + 3 * job.first_triangle);
-      if (greatest >= job.first_vertex + job.vertices) context_.failMissingVertex(work);
+      makeTriangles(rows, first, context_.frame.mirrored(),
+                    mesh_.triangleData() + 3 * job.first_triangle);
       context_.read_log.note(context_.pyramid.parts().brickRow(work.level, work.brick),
                              ReadLog::kActive);
     } else {
@@ -263,9 +271,21 @@ class SurfaceWriter::Run {
     return true;
   }
 
-  // Step 3: from the bricks on the low sides.
+  // Step 3: from the bricks on the low sides. Throws Error if these lack a vertex, as they do if
+  // the ranges in a file are wrong.
   bool takeSideNumbers(std::size_t number, const FirstVertices& first, BrickRows& rows) {
     const std::int64_t ny = rows.cells.y, nz = rows.cells.z;
+    const std::uint64_t vertices_before = jobs_[number].first_vertex;
+    bool are_there = true;
+    const auto take = [&](int axis, std::int64_t row, std::uint32_t given) {
+      const auto a = static_cast<std::size_t>(axis), r = static_cast<std::size_t>(row);
+      rows.numbers[a][r] = given - first[a];
+      if (!hasCrossings(rows, axis, row)) return;
+      const bool has_one_less =
+          axis != 0 && (rows.foreign_sides & 1) == 0 && rows.crossed_first[a - 1][r] != 0;
+      are_there = are_there && given >= (has_one_less ? 1 : 0) &&
+                  given + std::uint64_t{crossingsBeyondFirst(rows, axis, row)} <= vertices_before;
+    };
     for (int axis = 0; axis < 3; ++axis) {
       const std::size_t neighbour = neighbourOf(number, axis);
       if (neighbour == number) continue;
@@ -277,24 +297,23 @@ class SurfaceWriter::Run {
       if (axis == 0) {
         for (const std::size_t across : {std::size_t{1}, std::size_t{2}})
           for (const std::uint32_t r : rows.crossed_rows[across].list())
-            if (rows.crossed_first[across - 1][r] != 0)
-              rows.first_numbers[across - 1][r] =
-                  (has_any ? side.ofLast(static_cast<int>(across), r) : kNoCrossing) -
-                  first[across];
+            if (rows.crossed_first[across - 1][r] != 0) {
+              const std::uint32_t given =
+                  has_any ? side.ofLast(static_cast<int>(across), r) : kNoCrossing;
+              rows.first_numbers[across - 1][r] = given - first[across];
+              are_there = are_there && given < vertices_before;
+            }
       } else if (axis == 1) {
-        for (std::int64_t k = 0; k <= nz; ++k) {
-          const auto r = static_cast<std::size_t>(rows.row(0, k));
-          rows.numbers[0][r] = (has_any ? side.inSideY(0, k) : kNoCrossing) - first[0];
-          rows.numbers[2][r] = (has_any ? side.inSideY(2, k) : kNoCrossing) - first[2];
-        }
+        for (std::int64_t k = 0; k <= nz; ++k)
+          for (const int a : {0, 2})
+            take(a, rows.row(0, k), has_any ? side.inSideY(a, k) : kNoCrossing);
       } else {
-        for (std::int64_t j = 0; j <= ny; ++j) {
-          const auto r = static_cast<std::size_t>(rows.row(j, 0));
-          rows.numbers[0][r] = (has_any ? side.inSideZ(0, j) : kNoCrossing) - first[0];
-          rows.numbers[1][r] = (has_any ? side.inSideZ(1, j) : kNoCrossing) - first[1];
-        }
+        for (std::int64_t j = 0; j <= ny; ++j)
+          for (const int a : {0, 1})
+            take(a, rows.row(j, 0), has_any ? side.inSideZ(a, j) : kNoCrossing);
       }
     }
+    if (!are_there) context_.failMissingVertex(work_[number]);
     return true;
   }
 
