@@ -20,7 +20,8 @@ constexpr std::size_t kMostAsked = 288;
 constexpr std::uint64_t kMostAskedBytes = std::uint64_t{64} << 20;
 
 constexpr std::string_view kConsolidated = ".zmetadata";
-constexpr std::string_view kDocuments[] = {"zarr.json", ".zarray", ".zattrs"};
+constexpr std::string_view kVersion3 = "zarr.json";
+constexpr std::string_view kVersion2[] = {".zarray", ".zattrs", kConsolidated};
 
 struct EnteredStores {
   std::mutex mutex;
@@ -84,7 +85,12 @@ std::optional<std::string> RemoteStore::readText(RemoteRanges& ranges, const std
   return text;
 }
 
-// All that a folder may have, at once.
+bool RemoteStore::isThere(const std::string& path) const {
+  const auto found = documents_.find(path);
+  return found != documents_.end() && found->second;
+}
+
+// What has a zarr.json has nothing of version 2. Of version 2, all that a folder may have, at once.
 void RemoteStore::loadFolder(const std::string& folder) {
   std::vector<std::pair<std::string, Ranges>> asked;
   const auto begin = [&](std::string_view name) {
@@ -92,12 +98,20 @@ void RemoteStore::loadFolder(const std::string& folder) {
     if (!documents_.contains(path))
       asked.emplace_back(path, ask(path, {.bytes = kMostDocumentBytes}));
   };
-  for (const std::string_view name : kDocuments) begin(name);
-  begin(kConsolidated);
-  for (const auto& [path, ranges] : asked) documents_[path] = readText(*ranges, path);
-  for (const std::string_view name : {kDocuments[0], kConsolidated})
-    if (const auto& text = documents_[folder + "/" + std::string(name)])
-      takeConsolidated(folder, *text);
+  const auto finish = [&] {
+    for (const auto& [path, ranges] : asked) {
+      documents_[path] = readText(*ranges, path);
+      const bool may_hold_others = path.ends_with(kVersion3) || path.ends_with(kConsolidated);
+      if (const auto& text = documents_[path]; text && may_hold_others)
+        takeConsolidated(folder, *text);
+    }
+    asked.clear();
+  };
+  begin(kVersion3);
+  if (!isThere(folderOfObject(folder) + "/.zattrs")) finish();
+  if (isThere(folder + "/" + std::string(kVersion3))) return;
+  for (const std::string_view name : kVersion2) begin(name);
+  finish();
 }
 
 // Of version 2: the documents by their paths, of version 3: those of groups and arrays by theirs.
@@ -119,11 +133,8 @@ std::optional<std::string> RemoteStore::document(const std::string& path) {
   if (const auto found = documents_.find(path); found != documents_.end()) return found->second;
   // What is known to be of one version has no documents of the other.
   const std::string folder = folderOfObject(path);
-  const auto isKnown = [&](const char* name) {
-    const auto found = documents_.find(folder + name);
-    return found != documents_.end() && found->second;
-  };
-  if (isKnown("/zarr.json") || (isKnown("/.zarray") && path.ends_with("/zarr.json")))
+  if (isThere(folder + "/zarr.json") ||
+      (isThere(folder + "/.zarray") && path.ends_with("/zarr.json")))
     return std::nullopt;
   loadFolder(folder);
   return documents_[path];

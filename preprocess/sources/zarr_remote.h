@@ -69,6 +69,7 @@ class RemoteStore {
   explicit RemoteStore(const CancelFlag* cancel);
   Ranges ask(const std::string& path, FirstRequest first);
   std::optional<std::string> readText(RemoteRanges& ranges, const std::string& path);
+  bool isThere(const std::string& path) const;
   void loadFolder(const std::string& folder);
   void takeConsolidated(const std::string& folder, const std::string& text);
   void makeRoom(std::uint64_t bytes);

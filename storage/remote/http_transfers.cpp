@@ -70,8 +70,9 @@ class Exchange {
     set(CURLOPT_PATH_AS_IS, request.signature ? 0L : 1L);
     set(CURLOPT_PROTOCOLS_STR, "http,https");
     set(CURLOPT_HTTP_VERSION, static_cast<long>(CURL_HTTP_VERSION_2TLS));
-    set(CURLOPT_PIPEWAIT, 1L);  // a second connection only if the first cannot carry more
     const bool is_secure = lowercase(request.url.substr(0, 6)) == "https:";
+    // A second connection only if the first cannot carry more. Without TLS none can.
+    set(CURLOPT_PIPEWAIT, is_secure ? 1L : 0L);
     set(CURLOPT_FOLLOWLOCATION, follows_ ? 1L : 0L);
     set(CURLOPT_MAXREDIRS, static_cast<long>(HttpTransfers::kMostRedirects));
     set(CURLOPT_REDIR_PROTOCOLS_STR, is_secure ? "https" : "http,https");
