@@ -1,9 +1,7 @@
 #include "isobrick/viewer/serve/volume_answers.h"
 
 #include <cmath>
-#include <cstdint>
 #include <glm/common.hpp>
-#include <utility>
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/storage/checksum.h"
@@ -18,20 +16,18 @@ constexpr double kFarVoxels = 1 << 30;
 std::optional<IndexPlane> planeOf(const Asked& words) {
   const auto corner = words.point("corner"), across = words.point("across");
   const auto along = words.point("along");
-  if (corner && across && along) {
-    for (const glm::dvec3& part : {*corner, *across, *along})
-      if (glm::any(glm::greaterThan(glm::abs(part), glm::dvec3(kFarVoxels))))
-        throw Error("the plane of the slice lies too far away");
-    return IndexPlane{*corner, *across, *along};
-  }
-  if (corner || across || along) throw Error("'corner', 'across' and 'along' come together");
-  return std::nullopt;
+  if (!corner && !across && !along) return std::nullopt;
+  require(corner && across && along, 400, "'corner', 'across' and 'along' come together");
+  for (const glm::dvec3& part : {*corner, *across, *along})
+    require(glm::all(glm::lessThanEqual(glm::abs(part), glm::dvec3(kFarVoxels))), 400,
+            "the plane of the slice lies too far away");
+  return IndexPlane{*corner, *across, *along};
 }
 
 int axisOf(const Asked& words) {
   const std::string name = words.text("axis");
   const int axis = name.empty() || name == "z" ? 2 : name == "y" ? 1 : 0;
-  if (axis == 0 && name != "x") throw Error("'axis' is not x, y or z");
+  require(axis != 0 || name == "x", 400, "'axis' is not x, y or z");
   return axis;
 }
 
@@ -40,21 +36,20 @@ int axisOf(const Asked& words) {
 SurfaceFileOrder surfaceFileOrder(const Asked& words, const std::string& extension) {
   SurfaceFileOrder order;
   const auto isovalue = words.number("iso");
-  if (!isovalue) throw Error("'iso' is missing: the isovalue of the surface");
+  require(isovalue.has_value(), 400, "'iso' is missing: the isovalue of the surface");
   order.query.isovalue = *isovalue;
   const auto focus = words.point("focus");
   const auto radius = words.within("radius", 0.0, kFarVoxels);
-  if (focus.has_value() != radius.has_value()) throw Error("'focus' and 'radius' come together");
+  require(focus.has_value() == radius.has_value(), 400, "'focus' and 'radius' come together");
   if (focus)
     order.query.focus =
         FocusSphere{glm::clamp(*focus, glm::dvec3(-kFarVoxels), glm::dvec3(kFarVoxels)), *radius};
   order.query.uniform_level = words.integer("level", 0, 63);
-  if (focus && order.query.uniform_level) throw Error("'focus' and 'level' do not go together");
+  require(!focus || !order.query.uniform_level, 400, "'focus' and 'level' do not go together");
   if (const auto distance = words.within("simplify", 1e-6, kFarVoxels))
     order.query.simplify = SimplifyOptions{*distance};
-  order.options.meshopt = words.integer("meshopt", 0, 1).value_or(0) == 1;
-  if (order.options.meshopt && extension != ".glb")
-    throw Error("'meshopt' is for surface.glb alone");
+  order.options.meshopt = words.integer("meshopt", 0, 1) == 1;
+  require(!order.options.meshopt || extension == ".glb", 400, "'meshopt' is for surface.glb alone");
   return order;
 }
 
@@ -90,7 +85,7 @@ IndexPlane planeOf(const SlicePictureOrder& order, const Pyramid& pyramid) {
   const Index3& voxels = pyramid.spec().voxels;
   const auto last = static_cast<double>(voxels[order.axis] - 1);
   const double position = order.position.value_or(std::floor(0.5 * last));
-  if (position > last) throw Error("'position' is not within its bounds");
+  require(position <= last, 400, "'position' is not within its bounds");
   return slicePlane(voxels, order.axis, position);
 }
 

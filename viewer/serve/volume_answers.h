@@ -20,7 +20,7 @@ struct SurfaceFileOrder {
   Query query;
   MeshFileOptions options;
 };
-// Throws Error for words that are no query. `extension`: ".glb", ".ply" or ".stl".
+// Throws Refusal for words that are no query. `extension`: ".glb", ".ply" or ".stl".
 SurfaceFileOrder surfaceFileOrder(const Asked& words, const std::string& extension);
 // Extracts it into `path`, in the calling TBB arena. Throws Error, and Cancelled.
 void writeSurfaceFile(const Pyramid& pyramid, SurfaceFileOrder order, const std::string& path,
@@ -40,11 +40,11 @@ struct SlicePictureOrder {
   std::vector<SliceContour> contours;
   std::optional<double> least;  // pixels below it, or without a value, are transparent
 };
-// Throws Error for words that are no slice.
+// Throws Refusal for words that are no slice.
 SlicePictureOrder slicePictureOrder(const Asked& words);
-// Throws Error if it does not lie in the volume.
+// Throws Refusal if it does not lie in the volume.
 IndexPlane planeOf(const SlicePictureOrder& order, const Pyramid& pyramid);
-// PNG. Throws Error, and Cancelled.
+// PNG. Throws Refusal as above, Error, and Cancelled.
 std::string slicePicture(const Pyramid& pyramid, const SlicePictureOrder& order,
                          const CancelFlag& cancel);
 
