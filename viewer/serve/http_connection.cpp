@@ -87,10 +87,10 @@ std::string keyOfProtocols(beast::string_view protocols) {
   return is_known ? key : std::string();
 }
 
-class HttpConnection : public Connection {
+class HttpConnection : public ServedConnection {
  public:
   HttpConnection(asio::ip::tcp::socket socket, ServerState& state)
-      : Connection(state), stream_(std::move(socket)) {}
+      : ServedConnection(state), stream_(std::move(socket)) {}
   void end() override { stream_.close(); }
 
   Task serve() {
@@ -104,7 +104,8 @@ class HttpConnection : public Connection {
       } catch (const std::exception& failure) {
         answer = refused(500, failureWords(failure));
       }
-      if (streamed_) co_return startStream(std::move(stream_), request_, *streamed_, state_);
+      if (streamed_)
+        co_return startStream(std::move(stream_), std::move(request_), *streamed_, state_);
       if (answer.file)
         co_await send<http::file_body>(answer, std::move(*answer.file));
       else
@@ -226,7 +227,7 @@ class HttpConnection : public Connection {
     if (result != nullptr) co_return result;
     require(state_.waiting < kMostWaiting, 503,
             "too many requests wait for volumes that are being opened; try again later");
-    const Counted waits(state_.waiting);
+    const auto waits = counted(state_.waiting);
     const auto end = std::chrono::steady_clock::now() + kLongestWait;
     while (result == nullptr) {
       require(std::chrono::steady_clock::now() < end, 503,
@@ -248,7 +249,7 @@ class HttpConnection : public Connection {
   // `work` on the queue's thread.
   Task onThread(JobQueue& queue, std::function<void()> work) {
     require(queue.jobs < queue.most_jobs, 503, "too much is asked for already; try again later");
-    const Counted job(queue.jobs);
+    const auto job = counted(queue.jobs);
     const auto task = [&]() -> Task {
       state_.stop.check();
       work();
@@ -259,8 +260,7 @@ class HttpConnection : public Connection {
 
   // A pyramid that is not open is opened for the slice alone, since a list of volumes shows slices.
   asio::awaitable<Answer> slice(std::size_t volume, Asked words) {
-    constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
-    const SlicePictureOrder order = slicePictureOrder(words);
+    const SlicePicture picture = slicePictureOf(words);
     const bool builds = words.integer("build", 0, 1) != 0;
     const std::string& path = state_.volumes.pathOf(volume);
     Opened shown = state_.volumes.find(volume);
@@ -268,20 +268,20 @@ class HttpConnection : public Connection {
       require(builds, 409, "the volume is not open yet");
       shown = co_await opened(volume);
     }
-    if (shown != nullptr) planeOf(order, *shown->file);  // refused before it waits
     Answer answer{200, typeOf(".png")};
     const auto draw = [&] {
-      const auto file = shown
+      constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
+      const auto file = shown != nullptr
                             ? shown->file
                             : openPyramid(path, kMemory, state_.options.remote, &state_.stop).file;
-      answer.text = slicePicture(*file, order, state_.stop);
+      answer.text = picture(*file, state_.stop);
     };
     co_await onThread(state_.slices, draw);
     co_return answer;
   }
 
   asio::awaitable<Answer> surface(std::size_t volume, Asked words, std::string extension) {
-    const SurfaceFileOrder order = surfaceFileOrder(words, extension);
+    const SurfaceFile write = surfaceFileOf(words, extension);
     const Opened shown = co_await opened(volume);
     Answer answer{200, typeOf(extension)};
     const std::string tag = surfaceTag(*shown, words, extension);
@@ -291,26 +291,19 @@ class HttpConnection : public Connection {
       co_return answer;
     }
     answer.fields.emplace_back(Field::cache_control, "private, no-cache");
-    const std::string path = newFile() + extension;
-    const auto write = [&] {
+    std::string folder = (temporaryFolder() / "isobrick-serve-XXXXXX").string();
+    if (mkdtemp(folder.data()) == nullptr) throw Error("cannot make a folder for the surface");
+    const std::shared_ptr<void> end(nullptr, [folder](void*) { removeTree(folder); });
+    const std::string path = folder + "/surface" + extension;
+    const auto work = [&] {
       tbb::task_arena arena(state_.options.threads);
-      arena.execute([&] { writeSurfaceFile(*shown->file, order, path, state_.stop); });
+      arena.execute([&] { write(*shown->file, path, state_.stop); });
     };
-    co_await onThread(state_.surfaces, write);
+    co_await onThread(state_.surfaces, work);
     HttpError error;
     answer.file.emplace().open(path.c_str(), beast::file_mode::scan, error);
-    removeName(path);
     require(!error, 500, "the surface was lost before it was sent");
     co_return answer;
-  }
-
-  std::string newFile() {
-    if (state_.folder.empty()) {
-      std::string name = (temporaryFolder() / "isobrick-serve-XXXXXX").string();
-      if (mkdtemp(name.data()) == nullptr) throw Error("cannot make a folder for the surface");
-      state_.folder = name;
-    }
-    return state_.folder + "/" + std::to_string(++state_.last_file);
   }
 
   std::string metrics() const {

@@ -7,7 +7,6 @@
 #include <boost/asio/redirect_error.hpp>
 #include <exception>
 
-#include "isobrick/storage/file_system.h"
 #include "isobrick/viewer/serve/http_state.h"
 #include "isobrick/viewer/serve/page_files.h"
 #include "isobrick/viewer/stream/latest_worker.h"
@@ -72,9 +71,9 @@ Task watch(tcp::acceptor& acceptor, ServerState& state) {
   }
   state.stop.request();
   acceptor.close();
-  for (Connection* const connection : state.connections) connection->leave();
+  for (ServedConnection* const connection : state.connections) connection->leave();
   co_await pause(std::chrono::milliseconds(300));
-  for (Connection* const connection : state.connections) connection->end();
+  for (ServedConnection* const connection : state.connections) connection->end();
 }
 
 }  // namespace
@@ -98,7 +97,6 @@ ServeSummary runServer(ServeOptions options) {
   asio::co_spawn(state.io, acceptConnections(acceptor, state), fail);
   asio::co_spawn(state.io, watch(acceptor, state), fail);
   state.io.run();
-  if (!state.folder.empty()) removeTree(state.folder);
   state.counted.seconds = clockSeconds() - begin;
   return state.counted;
 }

@@ -14,7 +14,7 @@
 #include <boost/beast/http/message.hpp>
 #include <chrono>
 #include <cstddef>
-#include <cstdint>
+#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -34,7 +34,7 @@ inline constexpr auto kIdleTime = std::chrono::seconds(60);
 // At a volume that is being opened.
 inline constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
 
-class Connection;
+class ServedConnection;
 
 // A thread for work that the network does not wait for, in the order in which it comes.
 struct JobQueue {
@@ -50,7 +50,7 @@ struct ServerState {
         access(newKey(), options.origins),
         volumes(options.volumes, options.build, options.memory_bytes, options.remote) {}
 
-  std::set<Connection*> connections;
+  std::set<ServedConnection*> connections;
   std::size_t clients = 0;  // of streams
   std::size_t waiting = 0;  // for a volume that is being opened
   boost::asio::io_context io{1};
@@ -58,8 +58,6 @@ struct ServerState {
   Access access;
   ServedVolumes volumes;
   ServeSummary counted;
-  std::string folder;  // for surfaces on their way; empty: none was needed yet
-  std::uint64_t last_file = 0;
   CancelFlag stop;  // of jobs
   // Last: their threads use the above. The last one ends sessions, which may wait for extractions.
   JobQueue surfaces{8}, slices{64};
@@ -67,12 +65,12 @@ struct ServerState {
 };
 
 // One that the server knows while it is there, and ends with itself.
-class Connection {
+class ServedConnection {
  public:
-  explicit Connection(ServerState& state) : state_(state) { state_.connections.insert(this); }
-  virtual ~Connection() { state_.connections.erase(this); }
-  Connection(const Connection&) = delete;
-  Connection& operator=(const Connection&) = delete;
+  explicit ServedConnection(ServerState& state) : state_(state) { state_.connections.insert(this); }
+  virtual ~ServedConnection() { state_.connections.erase(this); }
+  ServedConnection(const ServedConnection&) = delete;
+  ServedConnection& operator=(const ServedConnection&) = delete;
 
   // Tells the client that the server ends.
   virtual void leave() {}
@@ -83,17 +81,10 @@ class Connection {
   ServerState& state_;
 };
 
-// One more, as long as this is there.
-class Counted {
- public:
-  explicit Counted(std::size_t& count) : count_(count) { ++count_; }
-  ~Counted() { --count_; }
-  Counted(const Counted&) = delete;
-  Counted& operator=(const Counted&) = delete;
-
- private:
-  std::size_t& count_;
-};
+// One more, as long as the result is there.
+inline std::shared_ptr<const void> counted(std::size_t& count) {
+  return {&++count, [&count](const void*) { --count; }};
+}
 
 using HttpRequest = boost::beast::http::request<boost::beast::http::empty_body>;
 // A part of the work of the network's thread.
@@ -109,7 +100,7 @@ std::string hostText(const boost::asio::ip::tcp::endpoint& endpoint);
 // Reads requests and answers them.
 Task serveConnection(boost::asio::ip::tcp::socket socket, ServerState& state);
 // Goes on with a request that was checked, as a stream of that volume.
-void startStream(boost::beast::tcp_stream stream, const HttpRequest& request, std::size_t volume,
+void startStream(boost::beast::tcp_stream stream, HttpRequest request, std::size_t volume,
                  ServerState& state);
 
 }  // namespace isobrick

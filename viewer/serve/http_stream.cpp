@@ -34,13 +34,13 @@ constexpr std::size_t kMostMessages = 4096;
 constexpr auto kBetweenMessages = std::chrono::milliseconds(4);
 
 // It is there as long as one of its parts goes on.
-class StreamConnection : public Connection,
+class StreamConnection : public ServedConnection,
                          public ClientLine,
                          public std::enable_shared_from_this<StreamConnection> {
  public:
   StreamConnection(beast::tcp_stream stream, std::size_t volume, ServerState& state)
-      : Connection(state),
-        counted_(state.clients),
+      : ServedConnection(state),
+        counted_(counted(state.clients)),
         volume_(volume),
         socket_(std::move(stream)),
         news_(state.io) {}
@@ -57,8 +57,8 @@ class StreamConnection : public Connection,
       asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
   }
 
-  void start(const HttpRequest& request) {
-    spawn([this, request] { return read(request); });
+  void start(HttpRequest request) {
+    spawn([this, request = std::move(request)] { return read(request); });
   }
 
   void sendWord(const nlohmann::ordered_json& word) override {
@@ -86,8 +86,7 @@ class StreamConnection : public Connection,
     });
   }
 
-  // No member of it is there before the socket is open.
-  Task read(HttpRequest request) {
+  Task read(const HttpRequest& request) {
     beast::get_lowest_layer(socket_).expires_never();
     socket_.set_option(websocket::stream_base::timeout{kRequestTime, kIdleTime, true});
     socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
@@ -205,7 +204,7 @@ class StreamConnection : public Connection,
     news_.cancel();
   }
 
-  const Counted counted_;
+  const std::shared_ptr<const void> counted_;
   const std::size_t volume_;
   websocket::stream<beast::tcp_stream> socket_;
   asio::steady_timer news_;
@@ -219,9 +218,9 @@ class StreamConnection : public Connection,
 
 }  // namespace
 
-void startStream(beast::tcp_stream stream, const HttpRequest& request, std::size_t volume,
+void startStream(beast::tcp_stream stream, HttpRequest request, std::size_t volume,
                  ServerState& state) {
-  std::make_shared<StreamConnection>(std::move(stream), volume, state)->start(request);
+  std::make_shared<StreamConnection>(std::move(stream), volume, state)->start(std::move(request));
 }
 
 }  // namespace isobrick

@@ -1,7 +1,5 @@
 #include "isobrick/viewer/serve/served_volumes.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <glm/gtc/type_ptr.hpp>
 #include <glm/mat4x4.hpp>
@@ -9,6 +7,7 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/viewer/serve/asked.h"
+#include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/stream/chunk_packet.h"
 
 namespace isobrick {
@@ -16,14 +15,6 @@ namespace isobrick {
 namespace {
 
 using VolumeJson = nlohmann::ordered_json;
-
-// Another one once another file has that path; empty: it is none of this machine.
-std::string fileNow(const std::string& path) {
-  struct stat facts {};
-  if (stat(path.c_str(), &facts) != 0) return {};
-  return std::to_string(facts.st_ino) + " " + std::to_string(facts.st_size) + " " +
-         std::to_string(facts.st_mtim.tv_sec) + " " + std::to_string(facts.st_mtim.tv_nsec);
-}
 
 // Of a vector or, column after column, of a matrix.
 template <typename T>
@@ -55,7 +46,7 @@ ServedVolumes::Opened ServedVolumes::open(std::size_t number) {
   const auto now = std::chrono::steady_clock::now();
   require(volume.error.empty() || now - volume.last_use >= kTriedAgainAfter, 500, volume.error);
   volume.last_use = now;
-  const std::string file = fileNow(volume.served.path);
+  const std::string file = fileStamp(volume.served.path);
   if (volume.opened != nullptr && file != volume.file) volume.opened.reset();
   if (volume.opened != nullptr) return volume.opened;
   volume.error.clear();
