@@ -1,10 +1,7 @@
 #include <netinet/tcp.h>
 
-#include <algorithm>
-#include <boost/asio/co_spawn.hpp>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/host_name.hpp>
-#include <boost/asio/redirect_error.hpp>
 #include <exception>
 
 #include "isobrick/viewer/serve/http_state.h"

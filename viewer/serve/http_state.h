@@ -1,10 +1,15 @@
 // What the connections of a server share. Private to viewer/serve/http_*.
 #pragma once
 
-#include <algorithm>  // awaitable.hpp of Boost 1.74 needs <utility>
+// clang-format off
+#include <utility>  // awaitable.hpp of Boost 1.74 needs it
+// clang-format on
 #include <boost/asio/awaitable.hpp>
+#include <boost/asio/co_spawn.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/redirect_error.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/this_coro.hpp>
 #include <boost/asio/thread_pool.hpp>
@@ -17,7 +22,6 @@
 #include <memory>
 #include <set>
 #include <string>
-#include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/serve/access.h"
