@@ -4,7 +4,8 @@
     ```python title="a.py"    becomes the file a.py (any language with a title)
     ```text                   after a ```sh: each of its lines is in what that block printed, in this order;
                               a line may have … for what differs from run to run
-What follows <!-- runs first --> runs before the rest: how a reader without a scan gets one. Other blocks are for reading alone.
+What follows <!-- runs first --> runs before the rest: how a reader without a scan gets one.
+Other blocks are for reading alone.
 """
 
 from __future__ import annotations
