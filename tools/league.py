@@ -352,8 +352,7 @@ and what they take. Each mesh is made by a process of its own, which reads the v
   that cross (MeshLib's test, in single precision), and the volume within 2 % of what is known of it.
 - All read the same NRRD without compression. OpenVDB's own file is read by isobrick and OpenVDB alone. For OpenVDB the inside
   is below the isovalue, and it closes surfaces at the border.
-- Small volumes have one property each that people reported as a fault of some program: numbers that float32 does not hold, voxels
-  without a number, surfaces at the border, thin walls. The last three are scans.
+- Small volumes have one property each that people reported as a fault of some program; the last three are scans.
 - *seconds* and *MiB* at the peak are of the whole process, *Mtri/s* of the surface alone; isobrick reads while it extracts.
 """
 

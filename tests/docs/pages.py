@@ -4,6 +4,7 @@
     ```python title="a.py"    becomes the file a.py (any language with a title)
     ```text                   after a ```sh: each of its lines is in what that block printed, in this order;
                               a line may have … for what differs from run to run
+What follows <!-- runs first --> runs before the rest: how a reader without a scan gets one.
 Other blocks are for reading alone.
 """
 
@@ -17,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 
 _BLOCK = re.compile(r"^```(\w+)?(?: title=\"([^\"]+)\")?[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_FIRST = "<!-- runs first -->"
 
 
 def _one_space(line: str) -> str:
@@ -38,7 +40,8 @@ def missing_line(expected: str, printed: str) -> str | None:
 def run_page(page: Path, folder: Path, environment: dict[str, str], seconds: float = 120) -> int:
     """Raises AssertionError with the place in the page; returns how many blocks ran."""
     text = page.read_text()
-    blocks = list(_BLOCK.finditer(text))
+    first = text.index(_FIRST) if _FIRST in text else len(text)
+    blocks = sorted(_BLOCK.finditer(text), key=lambda block: block.start() < first)
     outputs = [folder / f".output{number}" for number in range(len(blocks))]
     script = ["set -euo pipefail"]
     for block, output in zip(blocks, outputs, strict=True):

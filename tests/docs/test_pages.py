@@ -87,4 +87,6 @@ def test_a_page_that_fails_is_noticed(tmp_path: Path) -> None:
     page.write_text("```sh\necho 12 triangles\n```\n```text\n13 triangles\n```\n")
     with pytest.raises(AssertionError, match="not printed: 13 triangles"):
         run_page(page, tmp_path, {})
+    page.write_text("```sh\ncat scan\n```\n<!-- runs first -->\n```sh\ntouch scan\n```\n")
+    assert run_page(page, tmp_path, {}) == 2
     assert missing_line("b\na", "a\nb") == "a"
