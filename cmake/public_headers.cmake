@@ -25,6 +25,7 @@ set(isobrick_public_headers
   extract/one_pass_surface.h
   extract/pyramid_values.h
   extract/query.h
+  extract/query_box.h
   extract/read_mesh_file.h
   extract/shares/mesh_share.h
   extract/sinks/component_choice.h
