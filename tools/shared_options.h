@@ -87,7 +87,8 @@ inline constexpr char kSurfaceGroup[] = "Surface", kDetailGroup[] = "Detail",
                       kPyramidGroup[] = "Pyramid", kInputGroup[] = "Input",
                       kMeasuringGroup[] = "Measuring", kWindowGroup[] = "Window",
                       kScriptGroup[] = "Scripts", kResourceGroup[] = "Resources",
-                      kProgramGroup[] = "";  // hidden: for other programs and for measuring
+                      kProgramGroup[] =
+                          "Programs";  // for other programs and for measuring: not in --help
 
 // Options that are added to the command from now on belong to this group.
 inline void beginGroup(CLI::App& app, const char* group) { app.option_defaults()->group(group); }

@@ -185,9 +185,9 @@ void checkDivision(const BuildArguments& arguments) {
         fmt::format("{} is for pyramids of many files; name the folder with -o OUT.isbs", given));
   const bool has_previews = !arguments.settings.options.preview.folder.empty();
   if (arguments.isDivided() && has_previews)
-    throw UsageError("previews are for pyramids of one file");
+    throw UsageError("--preview-folder is for pyramids of one file");
   if (has_previews && arguments.settings.progress != ProgressStyle::kLines)
-    throw UsageError("a folder for previews goes with lines of progress");
+    throw UsageError("--preview-folder goes with --progress-lines");
   if (arguments.isDivided() && arguments.settings.options.mask_nan)
     throw UsageError("--mask-nan is for pyramids of one file; write OUT.isb, or give --nan-as V");
 }
@@ -252,12 +252,11 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       ->group("");
   // For the commands that take volumes (tools/volume_input.h).
   addParsedOption(sub, "--into-cache", arguments.settings.cache_folder, notEmpty, "DIR", "")
-      ->group("")
-      ->excludes(output);
+      ->group(kProgramGroup);
   addParsedOption(sub, "--cache-most", arguments.settings.most_cached_bytes, parseByteSize, "SIZE",
                   "")
-      ->group("");
-  sub.add_flag("--only-facts", arguments.settings.only_facts, "")->group("");
+      ->group(kProgramGroup);
+  sub.add_flag("--only-facts", arguments.settings.only_facts, "")->group(kProgramGroup);
   sub.add_flag("--rebuild", arguments.settings.rebuild, "Build also what is up to date");
   addForceFlag(sub, arguments.settings.force)
       ->description(
