@@ -9,10 +9,11 @@
 namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) {
+  // People know the last two as commands of `isobrick`, which becomes this executable for volumes.
   std::vector<Command> commands = {addBuildCommand(app), addConvertCommand(app),
-                                   addVolumeFormatsCommand(app), addExtractCommand(app)};
-  // People know it as a command of `isobrick`, which becomes this executable for volumes.
-  commands.back().parser->group("");
+                                   addVolumeFormatsCommand(app), addExtractCommand(app),
+                                   addMergeCommand(app)};
+  for (std::size_t i = 3; i < commands.size(); ++i) commands[i].parser->group("");
   return commands;
 }
 
