@@ -270,6 +270,7 @@ void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> m
     ProgressBar bar(100, "%");
     build.tell_line = [&](std::string_view line) {
       double share = 0;
+      if (line.starts_with(kWarningWord)) fmt::print(stderr, "{}\n", line);
       if (takeWord(line, "progress") && takeNumber(line, share)) bar.show(line, share);
     };
     built = buildIntoCache(input.path, build, interruptFlag());

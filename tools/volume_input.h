@@ -52,6 +52,9 @@ inline bool masksNan(const VolumeInput& input) {
          input.selections.end();
 }
 
+// Begins a line on stderr that reaches the user also if another program is in between.
+inline constexpr std::string_view kWarningWord = "isobrick: warning: ";
+
 // FILE, and the same of several.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
 CLI::Option* addVolumeInputs(CLI::App& app, std::vector<std::string>& paths);
