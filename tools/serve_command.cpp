@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <memory>
 #include <mutex>
-#include <set>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -19,6 +19,7 @@
 #include "isobrick/viewer/session/folder_listing.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/json_output.h"
 #include "tools/plain_text.h"
 #include "tools/shared_options.h"
 #include "tools/volume_input.h"
@@ -34,15 +35,25 @@ struct ServeArguments {
 };
 
 // Files of these endings are volumes of their own; a folder of others, as of DICOM, is one volume.
-constexpr std::string_view kVolumeEndings[] = {".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".vti",
-                                               ".h5",   ".hdf5", ".mrc", ".map", ".vdb", ".zarr"};
+const std::vector<std::string>& volumeEndings() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> endings;
+    const Json formats = volumeFormats();
+    for (const Json& format : formats["read"])
+      if (format["file_is_volume"].get<bool>()) {
+        std::istringstream words(format["endings"].get<std::string>());
+        for (std::string word; words >> word;)
+          if (word.front() == '.') endings.push_back(word.substr(0, word.find(',')));
+      }
+    return endings;
+  }();
+  return all;
+}
 
 bool isListedVolume(const std::string& path) {
-  if (isPyramidFile(path)) return true;
-  const std::string name = lowercase(path);
-  const std::string stem = name.ends_with(".gz") ? name.substr(0, name.size() - 3) : name;
-  return std::any_of(std::begin(kVolumeEndings), std::end(kVolumeEndings),
-                     [&](std::string_view ending) { return stem.ends_with(ending); });
+  return isPyramidFile(path) || std::ranges::any_of(volumeEndings(), [&](const auto& ending) {
+           return lowercase(path).ends_with(ending);
+         });
 }
 
 ServedVolume namedAfter(const std::string& path) {

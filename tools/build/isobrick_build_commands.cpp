@@ -29,7 +29,8 @@ Command addVolumeFormatsCommand(CLI::App& app) {
             for (const ReadableFormat& format : readableFormats())
               json["read"].push_back({{"name", format.name},
                                       {"endings", format.endings},
-                                      {"built_in", format.is_built_in}});
+                                      {"built_in", format.is_built_in},
+                                      {"file_is_volume", format.file_is_volume}});
             json["write"].push_back({{"ending", ".isb"}, {"levels", false}, {"built_in", true}});
             for (const WritableFormat& format : writableFormats())
               json["write"].push_back({{"ending", format.ending},
