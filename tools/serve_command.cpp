@@ -32,6 +32,8 @@ struct ServeArguments {
   ServeOptions options;
   std::string cache_folder;
   std::uint64_t cache_bytes = 0;
+  std::string unit;  // of the input's lengths; empty: as it says
+  bool json = false;
 };
 
 // Files of these endings are volumes of their own; a folder of others, as of DICOM, is one volume.
@@ -117,12 +119,18 @@ int runServeCommand(ServeArguments& arguments) {
   options.build = builderOf(arguments);
   options.remote = remoteOptions(arguments.cache_folder, arguments.cache_bytes);
   options.cancel = &interruptFlag();
-  options.on_ready = [](const std::string& url) {
+  options.on_ready = [&arguments](const std::string& url) {
     if (!hasPage())
       fmt::print(stderr,
                  "isobrick: this build has no page: run tools/web_page.sh, "
                  "and build isobrick again\n");
-    fmt::print("{}\n", url);
+    Json json = {{"url", url}, {"volumes", Json::array()}};
+    for (const ServedVolume& volume : arguments.options.volumes)
+      json["volumes"].push_back({{"name", volume.name}, {"path", withoutSecrets(volume.path)}});
+    if (arguments.json)
+      printJson(json);
+    else
+      fmt::print("{}\n", url);
     std::fflush(stdout);
   };
   warnOfAddress(options);
@@ -152,6 +160,8 @@ Command addServeCommand(CLI::App& app) {
       ->required();
   addCacheFolderOption(*sub, arguments->cache_folder);
   addCacheSizeOption(*sub, arguments->cache_bytes);
+  addJsonFlag(*sub, arguments->json)
+      ->description("Print one JSON object in place of the address, as soon as it listens");
   beginGroup(*sub, "Network");
   addParsedOption(*sub, "--port", options.port, integerWithin(0, 65535), "N",
                   "Port to listen on; default: 0, a free one");
