@@ -8,6 +8,7 @@ set(isobrick_public_headers
   storage/error.h
   storage/grid.h
   storage/isovalue_suggestions.h
+  storage/length_scale.h
   storage/pyramid.h
   storage/pyramid_info.h
   storage/pyramid_verify.h

@@ -83,14 +83,16 @@ std::vector<ServedVolume> volumesAt(const std::string& path) {
 
 VolumeBuilder builderOf(const ServeArguments& arguments) {
   const auto one_at_a_time = std::make_shared<std::mutex>();  // see runProgram()
-  return [folder = arguments.cache_folder, threads = arguments.options.threads, one_at_a_time](
+  std::vector<std::string> words = {"--threads", std::to_string(arguments.options.threads)};
+  if (!arguments.unit.empty()) words.insert(words.end(), {"--input-unit", arguments.unit});
+  return [folder = arguments.cache_folder, words, one_at_a_time](
              const std::string& volume, const BuildListener& listener, const CancelFlag& cancel) {
     const std::lock_guard lock(*one_at_a_time);
     const auto tell = [&](std::string_view line) {
       double share = 0.0;
       if (takeWord(line, "progress") && takeNumber(line, share)) listener.progress(line, share);
     };
-    return pyramidOfVolume(volume, {folder, {"--threads", std::to_string(threads)}, tell}, cancel);
+    return pyramidOfVolume(volume, {folder, words, tell}, cancel);
   };
 }
 
@@ -158,6 +160,7 @@ Command addServeCommand(CLI::App& app) {
          "asked for; folders of these")
       ->type_name("PATH")
       ->required();
+  addParsedOption(*sub, "--input-unit", arguments->unit, parseLengthUnit, "UNIT", kInputUnitHelp);
   addCacheFolderOption(*sub, arguments->cache_folder);
   addCacheSizeOption(*sub, arguments->cache_bytes);
   addJsonFlag(*sub, arguments->json)

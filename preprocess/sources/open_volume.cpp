@@ -176,10 +176,10 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
 
 std::unique_ptr<VolumeSource> viewAsGiven(std::unique_ptr<VolumeSource> source,
                                           const OpenOptions& options, int level) {
-  if (options.spacing || options.origin) {
-    std::optional<glm::dvec3> spacing = options.spacing;
-    if (spacing) *spacing *= static_cast<double>(std::int64_t{1} << level);
-    source = makePlacedSource(std::move(source), spacing, options.origin);
+  if (options.spacing || options.origin || !options.unit.empty()) {
+    GivenPlace place = options;
+    if (place.spacing) *place.spacing *= static_cast<double>(std::int64_t{1} << level);
+    source = makePlacedSource(std::move(source), place);
   }
   return derivedVolume(std::move(source), options.derivation);
 }

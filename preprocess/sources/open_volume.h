@@ -51,11 +51,6 @@ struct OpenOptions : GivenPlace {
   bool dicom_float32 = false;
   // UID or number of the series to take from a folder with several DICOM series.
   std::string series;
-  // Replace the spacing and origin that the input states or lacks. For a coarser level of a pyramid
-  // they are still those of level 0. Finite; `spacing` above 0.
-  std::optional<glm::dvec3> spacing;
-  // See spacing.
-  std::optional<glm::dvec3> origin;
   // Opens a pyramid (.isb) as a volume: this level of it. Without it pyramids are refused, so that
   // no pyramid is built of a pyramid by accident.
   std::optional<int> pyramid_level;

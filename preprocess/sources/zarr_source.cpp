@@ -601,7 +601,7 @@ class ZarrOpener {
       info.geometry.origin[axis] = level.translation[i] * all.scale[i] + all.translation[i];
       units[static_cast<std::size_t>(axis)] = units_[i];
     }
-    takeLengthUnits(units, info.geometry, info.notes);
+    takeLengthUnits(units, info);
     if (is_coarser_ && !level.has_translation && !all.has_translation && own_.is_null())
       info.notes.push_back(
           "the level says no translation; if its voxels are means of finer ones, " +

@@ -195,12 +195,17 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
   addParsedOption(app, "--raw-offset", options.raw.offset_bytes, parseCount, "BYTES",
                   "Bytes in front of its first voxel; default: 0")
       ->needs(dims);
-  addParsedOption(app, "--spacing", options.spacing, parseSpacing, "X,Y,Z",
-                  "Distances between voxels in the units of the world, in place of what the input "
-                  "says or lacks");
-  addParsedOption(
-      app, "--origin", options.origin, parsePoint, "X,Y,Z",
-      "Place of the first voxel in the world, instead of the input's own or missing one");
+  const auto behindUnit = [](auto parse, std::string& unit) {
+    return [parse, &unit](std::string text) {
+      unit = takeUnitName(text);
+      return parse(text);
+    };
+  };
+  addParsedOption(app, "--spacing", options.spacing, behindUnit(parseSpacing, options.spacing_unit),
+                  "X,Y,Z[mm]", kSpacingHelp);
+  addParsedOption(app, "--origin", options.origin, behindUnit(parsePoint, options.origin_unit),
+                  "X,Y,Z[mm]", kOriginHelp);
+  addParsedOption(app, "--input-unit", options.unit, parseLengthUnit, "UNIT", kInputUnitHelp);
   addParsedOption(
       app, "--label", options.derivation.label, parseLabel, "ID",
       "Take the indicator of a label instead: 1 where a voxel is this number, and 0 "
@@ -237,8 +242,7 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   options.image = input.image;
   options.component = input.component;
   options.series = input.series;
-  options.spacing = input.spacing;
-  options.origin = input.origin;
+  static_cast<GivenPlace&>(options) = input;
   if (input.raw_dims) {
     options.raw = input.raw;
     options.raw->voxels = *input.raw_dims;
