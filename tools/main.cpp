@@ -12,6 +12,7 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/storage/error.h"
@@ -38,9 +39,10 @@ class HelpText : public CLI::Formatter {
                                   : CLI::Formatter::make_group(group, is_positional, options);
   }
   // Nor blank lines in its place.
-  std::string make_groups(const CLI::App* app, CLI::AppFormatMode mode) const override {
-    return CLI::detail::find_and_replace(CLI::Formatter::make_groups(app, mode), "\n\n\n\n",
-                                         "\n\n\n");
+  std::string make_help(const CLI::App* app, std::string name,
+                        CLI::AppFormatMode mode) const override {
+    return CLI::detail::find_and_replace(CLI::Formatter::make_help(app, std::move(name), mode),
+                                         "\n\n\n\n", "\n\n\n");
   }
 };
 
