@@ -16,6 +16,7 @@
 #include "isobrick/extract/mesh_distance.h"
 #include "isobrick/extract/one_pass_surface.h"
 #include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/query_box.h"
 #include "isobrick/extract/read_mesh_file.h"
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"

@@ -8,6 +8,7 @@ set(isobrick_public_headers
   storage/error.h
   storage/grid.h
   storage/isovalue_suggestions.h
+  storage/length_scale.h
   storage/pyramid.h
   storage/pyramid_info.h
   storage/pyramid_verify.h
@@ -25,6 +26,7 @@ set(isobrick_public_headers
   extract/one_pass_surface.h
   extract/pyramid_values.h
   extract/query.h
+  extract/query_box.h
   extract/read_mesh_file.h
   extract/shares/mesh_share.h
   extract/sinks/component_choice.h

@@ -4,21 +4,17 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "isobrick/storage/nesting.h"
+
 namespace isobrick {
 
-// Discarded (is_discarded()) if the text is no JSON or is nested deeper than 32: a parser, and any
-// walk through the result, would take a stack as deep as that. `Json` is nlohmann::json or its
-// ordered kin.
+// Discarded (is_discarded()) if the text is no JSON or is nested deeper than 32. `Json` is
+// nlohmann::json or its ordered kin.
 template <typename Json = nlohmann::json>
 Json parseShallowJson(const std::string& text) {
   constexpr int kDeepest = 32;
-  bool is_deep = false;
-  const auto guard = [&](int depth, typename Json::parse_event_t, Json&) {
-    is_deep = is_deep || depth > kDeepest;
-    return !is_deep;
-  };
-  Json json = Json::parse(text, guard, false);
-  return is_deep ? Json(Json::value_t::discarded) : json;
+  if (nestingDepth(text) > kDeepest) return Json(Json::value_t::discarded);
+  return Json::parse(text, nullptr, false);
 }
 
 // The member, or null.

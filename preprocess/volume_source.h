@@ -13,6 +13,7 @@
 
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/length_scale.h"
 #include "isobrick/storage/value_transform.h"
 #include "isobrick/storage/voxel_type.h"
 
@@ -50,6 +51,9 @@ struct VolumeInfo {
   // Of float32, if they are known before any is read: bounds of the voxels that are delivered.
   std::optional<ValueRange> bounds = {};
   OneOfSeveral channel = {}, time_step = {};
+  // The unit of the lengths that the input states, before they became millimetres; nothing:
+  // several.
+  std::optional<LengthScale> stated_lengths = LengthScale();
   // Of the first ones of the input's channels; there may be fewer.
   std::vector<VolumeChannel> named_channels = {};
 
@@ -58,6 +62,18 @@ struct VolumeInfo {
     const auto number = static_cast<std::size_t>(channel.number);
     return channel.count > 1 && number < named_channels.size() ? &named_channels[number] : nullptr;
   }
+};
+
+// Lengths that the user gives in place of the input's, or that it lacks. Units are names that
+// lengthScale() knows, or empty.
+struct GivenPlace {
+  std::optional<glm::dvec3> spacing, origin;  // finite; spacing above 0
+  // Of all lengths that the input states, whatever it says of their unit, and of these here; the
+  // world is in millimetres then.
+  std::string unit;
+  // Of these here alone. If the input says no unit, nor `unit` does, the first of them stands for
+  // it.
+  std::string spacing_unit, origin_unit;
 };
 
 // A volume that is read once, in order, a few rows at a time; or box by box, if readsBoxes().

@@ -43,7 +43,7 @@ ViewPoint makeView(const ChoiceOptions& options) {
 
 void addViewOptions(CLI::App& app, ChoiceOptions& options) {
   CLI::Option* const eye = addParsedOption(
-      app, "--eye", options.eye, parsePoint, "X,Y,Z",
+      app, "--eye", options.eye, parserOfLengths(parsePoint, options.eye_has_unit), "X,Y,Z[mm]",
       "Seen from this world point: refine what covers more than --pixels of the picture");
   CLI::Option* const per_radian = addParsedOption(
       app, "--pixels-per-radian", options.pixels_per_radian, parseAboveZero, "P",
@@ -54,14 +54,16 @@ void addViewOptions(CLI::App& app, ChoiceOptions& options) {
   CLI::Option* const pixels = addParsedOption(app, "--pixels", options.pixels, parseAboveZero, "T",
                                               "Pixels that a cell's edge may cover; default: 1");
   CLI::Option* const look_at =
-      addParsedOption(app, "--look-at", options.look_at, parsePoint, "X,Y,Z",
+      addParsedOption(app, "--look-at", options.look_at,
+                      parserOfLengths(parsePoint, options.eye_has_unit), "X,Y,Z[mm]",
                       "A world point in the middle of the picture: coarser outside of the field; "
                       "'render' draws the picture from there");
   CLI::Option* const angle =
       addParsedOption(app, "--field-of-view", options.field_of_view, parseFieldOfView, "DEGREES",
                       "From corner to corner of the picture; default: 90");
   CLI::Option* const radius =
-      addParsedOption(app, "--field-radius", options.field_radius, parseAboveZero, "R",
+      addParsedOption(app, "--field-radius", options.field_radius,
+                      parserOfLengths(parseAboveZero, options.eye_has_unit), "R[mm]",
                       "Of a parallel projection: half of that, in world units");
   for (CLI::Option* const option : {per_radian, per_unit, pixels, look_at}) option->needs(eye);
   for (CLI::Option* const option : {angle, radius}) option->needs(look_at);
@@ -153,6 +155,7 @@ DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid&
     const double rho = *options.curvature_radius;
     choice.curvature_tolerance = 1 / (2 * rho * rho);
   }
+  if (options.eye_has_unit) refuseUnitOfUnknown(geometry, "--eye, --look-at or --field-radius");
   if (options.eye) choice.view = makeView(options);
   return choice;
 }

@@ -17,6 +17,7 @@ struct ChoiceOptions {
   std::optional<glm::dvec3> focus;  // in voxels, or millimetres of the world
   std::optional<double> radius;     // likewise
   bool focus_in_world = false, radius_in_world = false;
+  bool eye_has_unit = false;  // or --look-at, or --field-radius
   std::optional<int> level;
   std::optional<double> curvature_tolerance;
   std::optional<double> curvature_radius;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <stdexcept>
@@ -46,6 +47,12 @@ std::optional<std::string> commandOfFile(const std::string& word);
 // If another executable has the subcommand `name`, becomes that executable, with the words `argv`;
 // else returns. Throws Error if it cannot be run.
 void runExternalCommand(std::string_view name, char** argv);
+
+// Makes the index of a pyramid of many files, whose files are all there.
+using PyramidJoin = int(const std::string& folder, std::uint64_t memory_bytes, int threads,
+                        bool json);
+// isobrick-build does it: `isobrick` becomes that here, which begins anew.
+PyramidJoin* pyramidJoin();
 
 // One file each.
 inline constexpr char kBuildDescription[] = "Make pyramids (.isb) of volumes";

@@ -20,15 +20,21 @@
 #endif
 
 namespace isobrick {
-namespace {
 
-// {"read": [...], "write": [...], "meshes": [...], "pictures": [...]}
-Json allFormats() {
+Json volumeFormats() {
   Json json = Json::parse(
       runProgram({{requireOwn("isobrick-build"), "volume-formats"}, {}}, &interruptFlag()), nullptr,
       false);
   if (!json.is_object() || !json.contains("read") || !json.contains("write"))
     throw Error("'isobrick-build' does not say what it reads; install isobrick again");
+  return json;
+}
+
+namespace {
+
+// Those of volumes, "meshes": [...] and "pictures": [...].
+Json allFormats() {
+  Json json = volumeFormats();
   json["meshes"] = Json::array();
   for (const MeshFormatInfo& format : meshFormats())
     json["meshes"].push_back({{"ending", format.ending},

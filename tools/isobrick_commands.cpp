@@ -88,4 +88,6 @@ void runExternalCommand(std::string_view name, char** argv) {
 
 VolumeExtraction* volumeExtraction() { becomeExecutable("isobrick-build"); }
 
+PyramidJoin* pyramidJoin() { becomeExecutable("isobrick-build"); }
+
 }  // namespace isobrick

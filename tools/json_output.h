@@ -15,6 +15,10 @@ namespace isobrick {
 // becomes one when its first key is put would be destroyed wrongly if memory ran out just then.
 using Json = nlohmann::ordered_json;
 
+// The formats of volumes, {"read": [...], "write": [...]}, as isobrick-build has them. Throws
+// Error.
+Json volumeFormats();
+
 inline Json jsonOf(const Index3& v) { return {v.x, v.y, v.z}; }
 inline Json jsonOf(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 

@@ -8,9 +8,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <new>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/storage/error.h"
@@ -20,6 +22,7 @@
 #include "tools/interrupt.h"
 #include "tools/own_folder.h"
 #include "tools/plain_text.h"
+#include "tools/shared_options.h"
 #include "tools/user_words.h"
 
 namespace isobrick {
@@ -27,7 +30,24 @@ namespace {
 
 enum ExitStatus { kSucceeded = 0, kFailed = 1, kWrongUsage = 2, kInterrupted = 130 };
 
+// CLI11 hides the options of a group without a name, but gives them no name in messages either.
+class HelpText : public CLI::Formatter {
+ public:
+  std::string make_group(std::string group, bool is_positional,
+                         std::vector<const CLI::Option*> options) const override {
+    return group == kProgramGroup ? std::string()
+                                  : CLI::Formatter::make_group(group, is_positional, options);
+  }
+  // Nor blank lines in its place.
+  std::string make_help(const CLI::App* app, std::string name,
+                        CLI::AppFormatMode mode) const override {
+    return CLI::detail::find_and_replace(CLI::Formatter::make_help(app, std::move(name), mode),
+                                         "\n\n\n\n", "\n\n\n");
+  }
+};
+
 void describe(CLI::App& app) {
+  app.formatter(std::make_shared<HelpText>());
   app.name("isobrick");
   app.set_version_flag("--version", "isobrick " ISOBRICK_VERSION, "Print the version and exit");
   app.set_help_flag("-h,--help", "Print this help and exit");
@@ -51,7 +71,7 @@ std::string guessFor(const CLI::App& app, const std::string& word) {
       known.push_back(sub->get_name());
   else if (name.starts_with("--"))
     for (const CLI::Option* option : app.get_subcommands().front()->get_options())
-      if (!option->get_group().empty())
+      if (option->get_group() != kProgramGroup)
         for (const std::string& one : option->get_lnames()) known.push_back("--" + one);
   return guessOf(name, known);
 }

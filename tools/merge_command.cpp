@@ -1,6 +1,8 @@
 // isobrick merge: shares of a surface into one mesh.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,16 +21,38 @@
 #include "tools/plain_text.h"
 #include "tools/progress_bar.h"
 #include "tools/shared_options.h"
+#include "tools/volume_input.h"
 
 namespace isobrick {
 namespace {
 
 struct MergeArguments : MeshOptions {
   std::vector<std::string> shares;
+  std::uint64_t memory_bytes = kDefaultMemoryBytes;  // of a pyramid
   int threads = allCores();
 };
 
-int runMerge(const MergeArguments& arguments) {
+// The files of a pyramid are joined alone, and their index has its own place.
+int runJoin(const CLI::App& command, const MergeArguments& arguments) {
+  if (arguments.shares.size() > 1)
+    throw UsageError(fmt::format(
+        "'{}' is a pyramid of many files, which is joined alone; give nothing beside it",
+        arguments.shares.front()));
+  for (const CLI::Option* const option :
+       optionsBeside(command, {"SHARE", "--memory", "--threads", "--json"}))
+    if (option->count() > 0)
+      throw UsageError(
+          fmt::format("{} is for shares of a surface; a pyramid gets an index, and neither an "
+                      "output nor a report of a mesh",
+                      option->get_name()));
+  return pyramidJoin()(arguments.shares.front(), arguments.memory_bytes, arguments.threads,
+                       arguments.json);
+}
+
+int runMerge(const CLI::App& command, const MergeArguments& arguments) {
+  if (std::ranges::any_of(arguments.shares, isDividedName)) return runJoin(command, arguments);
+  if (command.count("--memory") > 0)
+    throw UsageError("--memory is for a pyramid of many files (.isbs); leave it out");
   const Stopwatch watch;
   const std::string& output = arguments.output;
   if (!output.empty()) refuseReplacing({output}, arguments.shares, arguments.force);
@@ -82,6 +106,7 @@ Command addMergeCommand(CLI::App& app) {
                  false);
   sub->add_flag("--check", arguments->check,
                 "Report what the mesh is like, as 'extract --check' does");
+  addMemoryOption(*sub, arguments->memory_bytes);
   addThreadsOption(*sub, arguments->threads);
   addJsonFlag(*sub, arguments->json);
   sub->footer(R"(
@@ -90,7 +115,7 @@ Example:
   isobrick extract head.isb --iso 1324 --part 2/2 -o head-2.isbm    on another one
   isobrick merge head-1.isbm head-2.isbm -o head.ply
   isobrick merge scan.isbs)");
-  return {sub, [arguments] { return runMerge(*arguments); }};
+  return {sub, [sub, arguments] { return runMerge(*sub, *arguments); }};
 }
 
 }  // namespace isobrick

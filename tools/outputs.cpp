@@ -13,6 +13,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/plain_text.h"
@@ -68,6 +69,10 @@ std::string plainName(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](char c) { return !isPlain(c); }, '-');
   return text;
+}
+
+bool isDividedName(const std::string& path) {
+  return lowerExtension(path.substr(0, path.find_last_not_of('/') + 1)) == kDividedEnding;
 }
 
 std::string withPlaceFilled(std::string pattern, std::string_view key, const std::string& value) {

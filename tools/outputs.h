@@ -21,6 +21,9 @@ std::string plainName(std::string text);
 // The pattern with plainName(value) in all places of that key.
 std::string withPlaceFilled(std::string pattern, std::string_view key, const std::string& value);
 
+// Whether it names the folder of a pyramid of many files (.isbs).
+bool isDividedName(const std::string& path);
+
 // "bone-500.ply" for "bone.ply" and 500.
 std::string nameWith(const std::string& output, const std::string& what);
 

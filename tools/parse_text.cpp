@@ -12,6 +12,8 @@
 #include <string_view>
 #include <system_error>
 
+#include "isobrick/storage/length_scale.h"
+
 namespace isobrick {
 namespace {
 
@@ -54,23 +56,24 @@ constexpr ColorName kColorNames[] = {
     {"orange", "#ffa500"}, {"cyan", "#00ffff"},  {"brown", "#a52a2a"}, {"magenta", "#ff00ff"},
     {"purple", "#800080"}, {"pink", "#ffc0cb"},  {"ivory", "#fffff0"}, {"tan", "#d2b48c"}};
 
-struct LengthName {
-  std::string_view name;
-  double millimetres;
-};
-// "mm" before "m".
-constexpr LengthName kLengthNames[] = {{"nm", 1e-6}, {"um", 1e-3},   {"mm", 1},    {"cm", 10},
-                                       {"m", 1e3},   {"inch", 25.4}, {"ft", 304.8}};
-
 }  // namespace
 
+std::string takeUnitName(std::string& text) {
+  const std::size_t end = text.find_last_of("0123456789.") + 1;
+  std::string unit = text.substr(end);
+  if (!lengthScale(unit)) return {};
+  text.resize(end);
+  return unit;
+}
+
 std::optional<double> takeLengthUnit(std::string& text) {
-  for (const auto& [name, millimetres] : kLengthNames)
-    if (text.ends_with(name)) {
-      text.resize(text.size() - name.size());
-      return millimetres;
-    }
-  return std::nullopt;
+  const auto scale = lengthScale(takeUnitName(text));
+  return scale ? std::optional(scale->of(1)) : std::nullopt;
+}
+
+std::string parseLengthUnit(const std::string& text) {
+  if (!lengthScale(text)) refuse(text, "a unit of length: it may be nm, um, mm, cm, m, inch or ft");
+  return text;
 }
 
 double parseNumber(const std::string& text) {

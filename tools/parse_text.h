@@ -29,9 +29,12 @@ inline auto numberFrom(double least) {
 inline auto integerWithin(std::int64_t least, std::int64_t most) {
   return [least, most](const std::string& text) { return parseInteger(text, least, most); };
 }
-// Takes the unit off the end of lengths, "75,30,75mm" or "500um": its millimetres. Nothing: there
-// is none.
+// Takes the unit off the end of lengths, "75,30,75mm" or "500um": its name, or its millimetres.
+// Empty: there is none.
+std::string takeUnitName(std::string& text);
 std::optional<double> takeLengthUnit(std::string& text);
+// A name that lengthScale() knows.
+std::string parseLengthUnit(const std::string& text);
 // "X,Y,Z"
 glm::dvec3 parsePoint(const std::string& text);
 Index3 parseIndex3(const std::string& text);

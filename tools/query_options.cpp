@@ -4,13 +4,11 @@
 
 #include <algorithm>
 #include <chrono>
-#include <glm/common.hpp>
-#include <limits>
 #include <stop_token>
 #include <thread>
 #include <utility>
 
-#include "isobrick/extract/query.h"
+#include "isobrick/extract/query_box.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
@@ -28,22 +26,6 @@ namespace {
 
 // Half way from the voxels of a label, which become 1, to all others, which become 0.
 constexpr double kIsovalueOfLabel = 0.5;
-
-// The least box of voxel indices around a box of world coordinates: on an oblique volume it reaches
-// further than the box itself.
-QueryBox indexBoxAround(const Corners& box, const GridGeometry& geometry) {
-  QueryBox result{glm::dvec3(std::numeric_limits<double>::infinity()),
-                  glm::dvec3(-std::numeric_limits<double>::infinity())};
-  for (int corner = 0; corner < 8; ++corner) {
-    glm::dvec3 world;
-    for (int axis = 0; axis < 3; ++axis)
-      world[axis] = (corner >> axis & 1) != 0 ? box.upper[axis] : box.lower[axis];
-    const glm::dvec3 index = geometry.worldToIndex(world);
-    result.min = glm::min(result.min, index);
-    result.max = glm::max(result.max, index);
-  }
-  return result;
-}
 
 void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::string& path) {
   const Index3 last = pyramid.lattice().voxels() - Index3(1);
@@ -254,9 +236,8 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
     query.or_finer.push_back(makeChoice(choice, options.world, pyramid));
   if (options.box) {
     if (options.box_in_world) refuseUnitOfUnknown(geometry, "--box");
-    query.box = options.world || options.box_in_world
-                    ? indexBoxAround(*options.box, geometry)
-                    : QueryBox{options.box->lower, options.box->upper};
+    query.box = QueryBox{options.box->lower, options.box->upper};
+    if (options.world || options.box_in_world) query.box = indexBoxAround(*query.box, geometry);
     refuseBoxOutside(*query.box, pyramid, withoutSecrets(options.input.path));
   }
   if (options.simplify && options.simplify->in_world && geometry.unit == LengthUnit::kUnknown) {

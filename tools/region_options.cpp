@@ -32,7 +32,8 @@ RegionOptions::Mask parseMask(const std::string& text) {
 }
 
 // "NX,NY,NZ,D", or a point and a normal, "X,Y,Z,NX,NY,NZ".
-HalfSpace parsePlane(const std::string& text) {
+RegionOptions::Cut<HalfSpace> parsePlane(std::string text, bool has_world) {
+  const auto unit = has_world ? takeLengthUnit(text) : std::nullopt;
   const std::vector<double> numbers = parseNumbers(text);
   HalfSpace plane;
   if (numbers.size() == 4) {
@@ -46,15 +47,18 @@ HalfSpace parsePlane(const std::string& text) {
   }
   if (plane.normal == glm::dvec3(0.0))
     throw std::invalid_argument(fmt::format("'{}' has a normal of 0,0,0", text));
-  return plane;
+  plane.offset *= unit.value_or(1);
+  return {plane, unit.has_value()};
 }
 
-RegionBall parseSphere(const std::string& text) {
+RegionOptions::Cut<RegionBall> parseSphere(std::string text, bool has_world) {
+  const auto unit = has_world ? takeLengthUnit(text) : std::nullopt;
   const std::vector<double> numbers = parseNumbers(text);
   if (numbers.size() != 4 || !(numbers[3] > 0))
     throw std::invalid_argument(
         fmt::format("'{}' is no sphere X,Y,Z,R with a radius above 0", text));
-  return {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
+  const glm::dvec3 center(numbers[0], numbers[1], numbers[2]);
+  return {{center * unit.value_or(1), numbers[3] * unit.value_or(1)}, unit.has_value()};
 }
 
 }  // namespace
@@ -70,7 +74,9 @@ std::vector<std::string> RegionOptions::files() const {
 
 void addRegionOptions(CLI::App& app, RegionOptions& options, bool has_world) {
   const std::string units =
-      has_world ? "in voxel indices; with --world in world units" : "in voxel indices";
+      has_world ? "in voxel indices; with --world in world units, and with a unit, as in "
+                  "75,30,75,10mm, in the world"
+                : "in voxel indices";
   beginGroup(app, kSurfaceGroup);
   addRepeatedOption(
       app, "--mask",
@@ -81,14 +87,18 @@ void addRegionOptions(CLI::App& app, RegionOptions& options, bool has_world) {
       "spheres, what lies in all of them; they share --memory");
   addRepeatedOption(
       app, "--clip",
-      [&options](const std::string& text) { options.planes.push_back(parsePlane(text)); },
+      [&options, has_world](const std::string& text) {
+        options.planes.push_back(parsePlane(text, has_world));
+      },
       "NX,NY,NZ,D",
       "Only the side of a plane to which its normal points, N.P >= D; or a point and the normal, "
       "X,Y,Z,NX,NY,NZ; " +
           units);
   addRepeatedOption(
       app, "--sphere",
-      [&options](const std::string& text) { options.spheres.push_back(parseSphere(text)); },
+      [&options, has_world](const std::string& text) {
+        options.spheres.push_back(parseSphere(text, has_world));
+      },
       "X,Y,Z,R", "Only within this sphere, " + units);
 }
 
@@ -110,11 +120,16 @@ SurfaceRegion makeRegion(const RegionOptions& options, bool world, const GridGeo
   SurfaceRegion region;
   for (const RegionOptions::Mask& mask : options.masks)
     region.masks.push_back({mask.opened, mask.value});
-  for (const HalfSpace& plane : options.planes)
-    region.half_spaces.push_back(world ? halfSpaceInWorld(geometry, plane.normal, plane.offset)
-                                       : plane);
-  for (const RegionBall& ball : options.spheres)
-    region.balls.push_back(world ? ballInWorld(geometry, ball.center, ball.radius) : ball);
+  for (const auto& [plane, has_unit] : options.planes) {
+    if (has_unit) refuseUnitOfUnknown(geometry, "--clip");
+    region.half_spaces.push_back(
+        world || has_unit ? halfSpaceInWorld(geometry, plane.normal, plane.offset) : plane);
+  }
+  for (const auto& [ball, has_unit] : options.spheres) {
+    if (has_unit) refuseUnitOfUnknown(geometry, "--sphere");
+    region.balls.push_back(world || has_unit ? ballInWorld(geometry, ball.center, ball.radius)
+                                             : ball);
+  }
   return region;
 }
 

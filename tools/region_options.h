@@ -20,9 +20,15 @@ struct RegionOptions {
     std::optional<double> value;
     std::shared_ptr<const Pyramid> opened;  // after openMasks()
   };
+  // In voxel indices, in world units, or, with a unit, in millimetres of the world.
+  template <typename Shape>
+  struct Cut {
+    Shape shape;
+    bool has_unit = false;
+  };
   std::vector<Mask> masks;
-  std::vector<HalfSpace> planes;    // in voxel indices, or in world units
-  std::vector<RegionBall> spheres;  // likewise
+  std::vector<Cut<HalfSpace>> planes;
+  std::vector<Cut<RegionBall>> spheres;
 
   bool isEverywhere() const { return masks.empty() && planes.empty() && spheres.empty(); }
   std::vector<std::string> files() const;  // of masks, and their pyramids

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <memory>
 #include <mutex>
-#include <set>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -19,6 +19,7 @@
 #include "isobrick/viewer/session/folder_listing.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/json_output.h"
 #include "tools/plain_text.h"
 #include "tools/shared_options.h"
 #include "tools/volume_input.h"
@@ -31,18 +32,30 @@ struct ServeArguments {
   ServeOptions options;
   std::string cache_folder;
   std::uint64_t cache_bytes = 0;
+  std::string unit;  // of the input's lengths; empty: as it says
+  bool json = false;
 };
 
 // Files of these endings are volumes of their own; a folder of others, as of DICOM, is one volume.
-constexpr std::string_view kVolumeEndings[] = {".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".vti",
-                                               ".h5",   ".hdf5", ".mrc", ".map", ".vdb", ".zarr"};
+const std::vector<std::string>& volumeEndings() {
+  static const std::vector<std::string> all = [] {
+    std::vector<std::string> endings;
+    const Json formats = volumeFormats();
+    for (const Json& format : formats["read"])
+      if (format["file_is_volume"].get<bool>()) {
+        std::istringstream words(format["endings"].get<std::string>());
+        for (std::string word; words >> word;)
+          if (word.front() == '.') endings.push_back(word.substr(0, word.find(',')));
+      }
+    return endings;
+  }();
+  return all;
+}
 
 bool isListedVolume(const std::string& path) {
-  if (isPyramidFile(path)) return true;
-  const std::string name = lowercase(path);
-  const std::string stem = name.ends_with(".gz") ? name.substr(0, name.size() - 3) : name;
-  return std::any_of(std::begin(kVolumeEndings), std::end(kVolumeEndings),
-                     [&](std::string_view ending) { return stem.ends_with(ending); });
+  return isPyramidFile(path) || std::ranges::any_of(volumeEndings(), [&](const auto& ending) {
+           return lowercase(path).ends_with(ending);
+         });
 }
 
 ServedVolume namedAfter(const std::string& path) {
@@ -70,14 +83,16 @@ std::vector<ServedVolume> volumesAt(const std::string& path) {
 
 VolumeBuilder builderOf(const ServeArguments& arguments) {
   const auto one_at_a_time = std::make_shared<std::mutex>();  // see runProgram()
-  return [folder = arguments.cache_folder, threads = arguments.options.threads, one_at_a_time](
+  std::vector<std::string> words = {"--threads", std::to_string(arguments.options.threads)};
+  if (!arguments.unit.empty()) words.insert(words.end(), {"--input-unit", arguments.unit});
+  return [folder = arguments.cache_folder, words, one_at_a_time](
              const std::string& volume, const BuildListener& listener, const CancelFlag& cancel) {
     const std::lock_guard lock(*one_at_a_time);
     const auto tell = [&](std::string_view line) {
       double share = 0.0;
       if (takeWord(line, "progress") && takeNumber(line, share)) listener.progress(line, share);
     };
-    return pyramidOfVolume(volume, {folder, {"--threads", std::to_string(threads)}, tell}, cancel);
+    return pyramidOfVolume(volume, {folder, words, tell}, cancel);
   };
 }
 
@@ -106,12 +121,18 @@ int runServeCommand(ServeArguments& arguments) {
   options.build = builderOf(arguments);
   options.remote = remoteOptions(arguments.cache_folder, arguments.cache_bytes);
   options.cancel = &interruptFlag();
-  options.on_ready = [](const std::string& url) {
+  options.on_ready = [&arguments](const std::string& url) {
     if (!hasPage())
       fmt::print(stderr,
                  "isobrick: this build has no page: run tools/web_page.sh, "
                  "and build isobrick again\n");
-    fmt::print("{}\n", url);
+    Json json = {{"url", url}, {"volumes", Json::array()}};
+    for (const ServedVolume& volume : arguments.options.volumes)
+      json["volumes"].push_back({{"name", volume.name}, {"path", withoutSecrets(volume.path)}});
+    if (arguments.json)
+      printJson(json);
+    else
+      fmt::print("{}\n", url);
     std::fflush(stdout);
   };
   warnOfAddress(options);
@@ -139,8 +160,11 @@ Command addServeCommand(CLI::App& app) {
          "asked for; folders of these")
       ->type_name("PATH")
       ->required();
+  addParsedOption(*sub, "--input-unit", arguments->unit, parseLengthUnit, "UNIT", kInputUnitHelp);
   addCacheFolderOption(*sub, arguments->cache_folder);
   addCacheSizeOption(*sub, arguments->cache_bytes);
+  addJsonFlag(*sub, arguments->json)
+      ->description("Print one JSON object in place of the address, as soon as it listens");
   beginGroup(*sub, "Network");
   addParsedOption(*sub, "--port", options.port, integerWithin(0, 65535), "N",
                   "Port to listen on; default: 0, a free one");

@@ -40,7 +40,7 @@ template <typename Parse>
 auto parserOfLengths(Parse parse, bool& in_world) {
   return [parse, &in_world](std::string text) {
     const std::optional<double> millimetres = takeLengthUnit(text);
-    in_world = millimetres.has_value();
+    in_world |= millimetres.has_value();
     return parse(text) * millimetres.value_or(1.0);
   };
 }
@@ -87,7 +87,8 @@ inline constexpr char kSurfaceGroup[] = "Surface", kDetailGroup[] = "Detail",
                       kPyramidGroup[] = "Pyramid", kInputGroup[] = "Input",
                       kMeasuringGroup[] = "Measuring", kWindowGroup[] = "Window",
                       kScriptGroup[] = "Scripts", kResourceGroup[] = "Resources",
-                      kProgramGroup[] = "";  // hidden: for other programs and for measuring
+                      kProgramGroup[] =
+                          "Programs";  // for other programs and for measuring: not in --help
 
 // Options that are added to the command from now on belong to this group.
 inline void beginGroup(CLI::App& app, const char* group) { app.option_defaults()->group(group); }
@@ -115,6 +116,15 @@ CLI::Option* addSelectOption(CLI::App& app, Select select) {
       "time=all and channel=all), or component (from 0, or magnitude, the root of the sum of all "
       "squares); may be given again");
 }
+
+inline constexpr char kSpacingHelp[] =
+    "Distances between voxels, in place of what the input says or lacks; in the units of the "
+    "world, or with a unit, 0.65,0.65,2um";
+inline constexpr char kOriginHelp[] =
+    "Place of the first voxel in the world, in place of the input's own or missing one; likewise";
+inline constexpr char kInputUnitHelp[] =
+    "Unit of the lengths in the input, such as um, if it says none or a wrong one; also of "
+    "--spacing and --origin that have none";
 
 inline constexpr char kMaskNanHelp[] =
     "Voxels that are NaN have no data: cells that touch one are left out, and surfaces are open "

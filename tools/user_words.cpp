@@ -58,15 +58,13 @@ std::vector<std::string> todaysWords(int argc, char** argv) {
     }
   };
   std::ranges::for_each(kRenamed, rename);
-  const auto namesFolder = [&](std::size_t i) {
-    return (words[i].ends_with(".isbs") || words[i].ends_with(".isbs/")) && words[i - 1] != "-o" &&
-           words[i - 1] != "--output";
-  };
-  bool joins = false;
-  for (std::size_t i = 2; i < words.size() && words[1] == "merge"; ++i) joins |= namesFolder(i);
-  if (joins) {
-    words[1] = "build";
-    words.insert(words.begin() + 2, "--join");
+  if (const auto join = std::ranges::find(words, "--join");
+      words[1] == "build" && join != words.end()) {
+    fmt::print(
+        stderr,
+        "isobrick: warning: build --join is merge now; the old name ends with version 0.4\n");
+    words.erase(join);
+    words[1] = "merge";
   }
   return words;
 }

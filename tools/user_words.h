@@ -7,7 +7,7 @@
 namespace isobrick {
 
 // The words of a command line, argv[0] among them, with today's names in place of the old ones,
-// which a warning names; and 'merge FOLDER.isbs', which is a build's, as `isobrick-build` has it.
+// which a warning names.
 std::vector<std::string> todaysWords(int argc, char** argv);
 
 // "; did you mean 'focus'?" for "focsu": the nearest of the words, or nothing if none is near.

@@ -46,11 +46,9 @@ struct VolumeWord {
   const char *option, *type, *description;
 };
 constexpr VolumeWord kVolumeWords[] = {
-    {"--spacing", "X,Y,Z",
-     "Distances between voxels in the units of the world, in place of what the input says or "
-     "lacks"},
-    {"--origin", "X,Y,Z",
-     "Place of the first voxel in the world, instead of the input's own or missing one"},
+    {"--spacing", "X,Y,Z[mm]", kSpacingHelp},
+    {"--origin", "X,Y,Z[mm]", kOriginHelp},
+    {"--input-unit", "UNIT", kInputUnitHelp},
     {"--raw-dims", "X,Y,Z", "The input has no header, and this many voxels per axis"},
     {"--raw-type", "T", "Its voxels, as for 'isobrick build'"},
     {"--raw-endian", "E", "Its byte order; default: little"},
@@ -270,6 +268,7 @@ void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> m
     ProgressBar bar(100, "%");
     build.tell_line = [&](std::string_view line) {
       double share = 0;
+      if (line.starts_with(kWarningWord)) fmt::print(stderr, "{}\n", line);
       if (takeWord(line, "progress") && takeNumber(line, share)) bar.show(line, share);
     };
     built = buildIntoCache(input.path, build, interruptFlag());

@@ -35,15 +35,14 @@ inline constexpr char kDerivationGroup[] = "Volume";
 // The same of those for a pyramid behind a URL.
 inline constexpr char kRemoteGroup[] = "If FILE is a URL";
 
-// The options of a command but for those of these names, those of reading FILE, and hidden ones.
+// The options of a command but for those of these names, and those of reading FILE.
 template <typename App>
 auto optionsBeside(App& app, std::initializer_list<const char*> names) {
   return app.get_options([&](const CLI::Option* option) {
     const std::string& group = option->get_group();
-    return !group.empty() && group != kVolumeGroup && group != kDerivationGroup &&
-           group != kRemoteGroup && std::none_of(names.begin(), names.end(), [&](const char* name) {
-             return option->check_name(name);
-           });
+    return group != kVolumeGroup && group != kDerivationGroup && group != kRemoteGroup &&
+           std::none_of(names.begin(), names.end(),
+                        [&](const char* name) { return option->check_name(name); });
   });
 }
 
@@ -52,6 +51,9 @@ inline bool masksNan(const VolumeInput& input) {
   return std::find(input.selections.begin(), input.selections.end(), "--mask-nan") !=
          input.selections.end();
 }
+
+// Begins a line on stderr that reaches the user also if another program is in between.
+inline constexpr std::string_view kWarningWord = "isobrick: warning: ";
 
 // FILE, and the same of several.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);

@@ -66,26 +66,73 @@ class CroppedSource final : public SourceView {
   std::vector<std::byte> row_;  // of the source, if it is read by rows
 };
 
+// "1,1,2 um"
+std::string lengthsText(const glm::dvec3& lengths, const std::string& unit) {
+  return pointText(lengths) + (unit.empty() ? "" : " " + unit);
+}
+
+std::string placeText(const GivenPlace& given) {
+  std::string text;
+  const auto add = [&](const std::string& part) { text += (text.empty() ? "" : "; ") + part; };
+  if (given.spacing) add("spacing " + lengthsText(*given.spacing, given.spacing_unit));
+  if (given.origin) add("origin " + lengthsText(*given.origin, given.origin_unit));
+  if (!given.unit.empty()) add("unit " + given.unit);
+  return text;
+}
+
 class PlacedSource final : public SourceView {
  public:
-  PlacedSource(std::unique_ptr<VolumeSource> source, const std::optional<glm::dvec3>& spacing,
-               const std::optional<glm::dvec3>& origin)
-      : SourceView(std::move(source), (spacing ? "spacing " + pointText(*spacing) : "") +
-                                          (spacing && origin ? "; " : "") +
-                                          (origin ? "origin " + pointText(*origin) : "")) {
-    const auto place = [&](const char* what, const std::optional<glm::dvec3>& given,
-                           glm::dvec3& now) {
-      if (!given) return;
-      info_.notes.push_back(std::string(what) + " " + pointText(*given) +
-                            " was given in place of " + pointText(now));
-      now = *given;
-    };
-    place("the spacing", spacing, info_.geometry.spacing);
-    place("the origin", origin, info_.geometry.origin);
+  PlacedSource(std::unique_ptr<VolumeSource> source, const GivenPlace& given)
+      : SourceView(std::move(source), placeText(given)) {
+    std::string unit = given.unit;
+    if (unit.empty() && info_.geometry.unit == LengthUnit::kUnknown)
+      unit = given.spacing_unit.empty() ? given.origin_unit : given.spacing_unit;
+    if (!unit.empty()) takeUnit(unit);
+    place("the spacing", given.spacing, given.spacing_unit.empty() ? unit : given.spacing_unit,
+          info_.geometry.spacing);
+    place("the origin", given.origin, given.origin_unit.empty() ? unit : given.origin_unit,
+          info_.geometry.origin);
     if (!isUsableGeometry(info_.geometry))
       throw fileError(info_.source, "cannot use '", info_.source, "' with the spacing ",
                       pointText(info_.geometry.spacing), " and the origin ",
                       pointText(info_.geometry.origin), ": choose spacings above 0");
+  }
+
+ private:
+  LengthScale scaleOf(const std::string& unit) const {
+    if (const auto scale = lengthScale(unit)) return *scale;
+    throw fileError(info_.source, "cannot use '", info_.source, "' with ", "the unit '", unit,
+                    "', which is no unit of length; give one such as um or mm");
+  }
+
+  void takeUnit(const std::string& unit) {
+    GridGeometry& geometry = info_.geometry;
+    const bool is_known = geometry.unit == LengthUnit::kMillimetre;
+    const LengthScale scale = scaleOf(unit);
+    if (is_known && info_.stated_lengths == scale) return;
+    if (!info_.stated_lengths)
+      throw fileError(info_.source, "'", info_.source, "' states lengths in several units, and ",
+                      unit, " cannot stand for them all; give its spacing and origin in ", unit);
+    const LengthScale stated = *info_.stated_lengths;
+    for (glm::dvec3* const lengths : {&geometry.spacing, &geometry.origin})
+      for (int axis = 0; axis < 3; ++axis)
+        (*lengths)[axis] = scale.of((*lengths)[axis] * stated.over / stated.times);
+    geometry.unit = LengthUnit::kMillimetre;
+    info_.stated_lengths = scale;
+    info_.notes.push_back("the unit " + unit + " was given" +
+                          (is_known ? " in place of the input's own" : "") +
+                          "; lengths became millimetres");
+  }
+
+  void place(const char* what, const std::optional<glm::dvec3>& given, const std::string& unit,
+             glm::dvec3& now) {
+    if (!given) return;
+    glm::dvec3 lengths = *given;
+    const LengthScale scale = unit.empty() ? LengthScale() : scaleOf(unit);
+    for (int axis = 0; axis < 3; ++axis) lengths[axis] = scale.of(lengths[axis]);
+    info_.notes.push_back(std::string(what) + " " + lengthsText(*given, unit) +
+                          " was given in place of " + pointText(now));
+    now = lengths;
   }
 };
 
@@ -359,9 +406,8 @@ std::unique_ptr<VolumeSource> makeLabelSource(std::unique_ptr<VolumeSource> sour
 }
 
 std::unique_ptr<VolumeSource> makePlacedSource(std::unique_ptr<VolumeSource> source,
-                                               const std::optional<glm::dvec3>& spacing,
-                                               const std::optional<glm::dvec3>& origin) {
-  return std::make_unique<PlacedSource>(std::move(source), spacing, origin);
+                                               const GivenPlace& given) {
+  return std::make_unique<PlacedSource>(std::move(source), given);
 }
 
 }  // namespace isobrick

@@ -61,10 +61,10 @@ std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> s
 std::unique_ptr<VolumeSource> makeLabelSource(std::unique_ptr<VolumeSource> source,
                                               std::uint64_t label);
 
-// The same voxels with this spacing (each above 0) and origin in place of the source's, and a note
-// that says so. Throws Error for numbers that no volume can have.
+// The same voxels with these lengths in place of the source's, and notes that say so. Throws Error
+// for numbers that no volume can have, for words that are no unit, and for a unit in place of
+// several.
 std::unique_ptr<VolumeSource> makePlacedSource(std::unique_ptr<VolumeSource> source,
-                                               const std::optional<glm::dvec3>& spacing,
-                                               const std::optional<glm::dvec3>& origin);
+                                               const GivenPlace& given);
 
 }  // namespace isobrick

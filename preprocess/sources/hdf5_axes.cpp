@@ -261,7 +261,7 @@ bool takeScales(const Hdf5Axes& axes, const std::vector<Hdf5Scale>& scales, Volu
     units[axis] = scale.units;
   }
   info.geometry = geometry;
-  takeLengthUnits(units, info.geometry, info.notes);
+  takeLengthUnits(units, info);
   return true;
 }
 
@@ -282,13 +282,13 @@ void placeHdf5(hid_t dataset, const Hdf5Choice& choice, const Hdf5Axes& axes,
   const auto takeMicrometres = [&] {
     const auto size = elementSize(dataset, axes);
     if (size) info.geometry.spacing = *size;
-    if (size) takeLengthUnits({"um", "um", "um"}, info.geometry, info.notes);
+    if (size) takeLengthUnits({"um", "um", "um"}, info);
     return size.has_value();
   };
   if (takeOwnAttributes(dataset, info.geometry)) {
   } else if (choice.geometry) {
     info.geometry = *choice.geometry;
-    takeLengthUnits({choice.unit, choice.unit, choice.unit}, info.geometry, info.notes);
+    takeLengthUnits({choice.unit, choice.unit, choice.unit}, info);
   } else if (!takeMicrometres() && !is_spacing_given && !takeScales(axes, scales, info) &&
              !takeResolutions(axes, info.geometry)) {
     info.notes.push_back("the dataset says no spacing; 1 was used");

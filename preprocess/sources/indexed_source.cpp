@@ -111,7 +111,13 @@ RecordJson jsonOfOptions(const OpenOptions& options) {
   };
   place("spacing", options.spacing);
   place("origin", options.origin);
-  if (!options.grid.empty()) json["grid"] = options.grid;
+  const auto word = [&](const char* key, const std::string& text) {
+    if (!text.empty()) json[key] = text;
+  };
+  word("unit", options.unit);
+  word("spacing_unit", options.spacing_unit);
+  word("origin_unit", options.origin_unit);
+  word("grid", options.grid);
   if (options.time) json["time"] = *options.time;
   if (options.channel) json["channel"] = *options.channel;
   if (options.image) json["image"] = *options.image;
@@ -148,6 +154,9 @@ OpenOptions optionsOf(const RecordJson& json) {
   };
   options.spacing = place("spacing");
   options.origin = place("origin");
+  options.unit = textOf(member(json, "unit"));
+  options.spacing_unit = textOf(member(json, "spacing_unit"));
+  options.origin_unit = textOf(member(json, "origin_unit"));
   options.grid = textOf(member(json, "grid"));
   options.time = whole(member(json, "time"));
   options.channel = whole(member(json, "channel"));

@@ -44,7 +44,7 @@ class MetaImageReader {
     const bool states_unit = header_.fields.contains("distanceunits");
     const std::string stated = value("distanceunits");
     const std::string unit = !states_unit ? "mm" : stated == "?" ? "" : stated;
-    takeLengthUnits({unit, unit, unit}, info.geometry, info.notes);
+    takeLengthUnits({unit, unit, unit}, info);
     return openStoredArray(std::move(info), array, options);
   }
 

@@ -137,8 +137,7 @@ glm::dmat3 cellEdges(glm::dvec3 degrees) {
 
 // As mrcfile, ChimeraX and gemmi have it: the origin if there is one, else the index of the first
 // voxel in the cell.
-GridGeometry geometryOf(const std::string& path, const MrcHeader& header, const Index3& voxels,
-                        std::vector<std::string>& notes) {
+void takePlace(const std::string& path, const MrcHeader& header, VolumeInfo& info) {
   const Index3 axes = header.axes();
   const glm::dvec3 cell = header.cell();
   const bool has_cell = cell.x != 0 && cell.y != 0 && cell.z != 0;
@@ -147,16 +146,15 @@ GridGeometry geometryOf(const std::string& path, const MrcHeader& header, const 
   for (int axis = 0; axis < 3; ++axis) {
     const int world = static_cast<int>(axes[axis]);
     const std::int64_t stated = header.samples()[world];
-    const double samples = static_cast<double>(stated > 0 ? stated : voxels[axis]);
+    const double samples = static_cast<double>(stated > 0 ? stated : info.voxels[axis]);
     places.steps[axis] = edges[world] * (has_cell ? cell[world] / samples : 1.0);
   }
   places.origin = header.origin();
   if (places.origin == glm::dvec3(0)) places.origin = places.steps * glm::dvec3(header.starts());
   places.origin += 0.0;  // no negative zeros
-  GridGeometry geometry = oneGrid(path, places, voxels, notes);
+  info.geometry = oneGrid(path, places, info.voxels, info.notes);
   const std::string unit = has_cell ? "angstrom" : "";
-  takeLengthUnits({unit, unit, unit}, geometry, notes);
-  return geometry;
+  takeLengthUnits({unit, unit, unit}, info);
 }
 
 }  // namespace
@@ -205,7 +203,7 @@ std::unique_ptr<VolumeSource> openMrcSource(const std::string& path, const OpenO
     array.files.row_numbers = static_cast<std::uint64_t>(counts.x);
   }
   info.voxels = volumeVoxels(path, array.axes);
-  info.geometry = geometryOf(path, header, info.voxels, info.notes);
+  takePlace(path, header, info);
   return openStoredArray(std::move(info), array, options);
 }
 

@@ -275,22 +275,20 @@ StatedPlaces bestPlaces(const NiftiHeader& header, const Index3& voxels,
 }
 
 // The grid in the world of DICOM (left, posterior, superior).
-GridGeometry geometryOf(const std::string& path, const NiftiHeader& header, const Index3& voxels,
-                        std::vector<std::string>& notes) {
-  StatedPlaces places = bestPlaces(header, voxels, notes);
+void takeGrid(const std::string& path, const NiftiHeader& header, VolumeInfo& info) {
+  StatedPlaces places = bestPlaces(header, info.voxels, info.notes);
   for (int row = 0; row < 2; ++row) {
     for (int axis = 0; axis < 3; ++axis) places.steps[axis][row] *= -1;
     places.origin[row] *= -1;
   }
-  GridGeometry geometry = oneGrid(path, places, voxels, notes);
-  geometry.origin += 0.0;  // no negative zeros
+  info.geometry = oneGrid(path, places, info.voxels, info.notes);
+  info.geometry.origin += 0.0;  // no negative zeros
   static constexpr const char* kUnits[] = {"", "meter", "millimeter", "micrometer"};
   const auto code = static_cast<std::size_t>(header.units);
   const std::string unit = !header.is_nifti           ? "millimeter"  // Analyze 7.5
                            : code < std::size(kUnits) ? kUnits[code]
                                                       : "code " + std::to_string(code);
-  takeLengthUnits({unit, unit, unit}, geometry, notes);
-  return geometry;
+  takeLengthUnits({unit, unit, unit}, info);
 }
 
 }  // namespace
@@ -327,7 +325,7 @@ std::unique_ptr<VolumeSource> openNiftiSource(const std::string& path, const Ope
                                                                        : Use::kValues});
   }
   info.voxels = volumeVoxels(path, array.axes);
-  info.geometry = geometryOf(path, header, info.voxels, info.notes);
+  takeGrid(path, header, info);
   if (array.axes.front().size == 1)  // the map is of plain numbers
     array.stored.map = valueMap(header, info.notes);
   return openStoredArray(std::move(info), array, options);

@@ -77,7 +77,7 @@ class NrrdReader {
     takeFiles(array);
     info.voxels = volumeVoxels(path_, array.axes);
     info.geometry = oneGrid(path_, places(), info.voxels, info.notes);
-    takeLengthUnits(units(), info.geometry, info.notes);
+    takeLengthUnits(units(), info);
     return openStoredArray(std::move(info), array, options);
   }
 

@@ -53,8 +53,10 @@ bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
          ending != ".vdb" && ending != ".xml" && !isRemotePath(path);
 }
 
-// `knows` checks the name, the kind or the first bytes. The first reader that recognises a path
-// reads it; what is left is for ITK, which recognises formats by their content.
+// All that is known of formats: `knows` checks the name, the kind or the first bytes. The first
+// reader that recognises a path reads it; what is left is for ITK, which recognises formats by
+// their content.
+using enum ReadableFormat::Choice;
 struct Reader {
   ReadableFormat format;
   bool (*knows)(const std::string& path, bool is_folder);
@@ -69,37 +71,50 @@ std::unique_ptr<VolumeSource> openWith(const std::string& path, const OpenOption
   return openOne(path, options);
 }
 constexpr Reader kReaders[] = {
-    {{"OME-Zarr", ".ome.zarr .zarr, zipped .zip .ozx", true},
+    {{"OME-Zarr", ".ome.zarr .zarr .ozx, zipped (.zip)", true, true, kTime | kChannel | kImage},
      [](const std::string& path, bool) { return isZarrFolder(path); },
      openWith<openZarrSource>},
-    {{"OpenEXR", "folder of .exr", ISOBRICK_WITH_OPENEXR},
+    {{"OpenEXR", "folder of .exr", ISOBRICK_WITH_OPENEXR, false, kGrid | kTime | kChannel},
      [](const std::string& path, bool is_folder) { return is_folder && hasExrSlices(path); },
      openExr},
-    {{"HDF5", ".h5 .h5:/path .ims .nc, .xml of BigDataViewer", ISOBRICK_WITH_HDF5},
+    {{"HDF5", ".h5 .hdf5 .h5:/path .ims .nc, BigDataViewer's (.xml)", ISOBRICK_WITH_HDF5, true,
+      kTime | kChannel},
      [](const std::string& path, bool is_folder) {
        return !is_folder && (isHdf5Name(path) || lowerExtension(path) == ".xml");
      },
      openHdf5},
-    {{"VTK ImageData", ".vti .pvti .vtk", true},
+    {{"VTK ImageData", ".vti .pvti, structured points (.vtk)", true, true, kGrid},
      [](const std::string& path, bool is_folder) {
        const std::string ending = lowerExtension(path);
        return !is_folder && (ending == ".vti" || ending == ".pvti" || ending == ".vtk");
      },
      openWith<openVtiSource>},
-    {{"OpenVDB", ".vdb", ISOBRICK_WITH_OPENVDB},
+    {{"OpenVDB", ".vdb", ISOBRICK_WITH_OPENVDB, true, kGrid},
      [](const std::string& path, bool is_folder) {
        return !is_folder && lowerExtension(path) == ".vdb";
      },
      openVdb},
-    {{"NRRD", ".nrrd .nhdr", true}, isFile<isNrrdFile>, openWith<openNrrdSource>},
-    {{"MetaImage", ".mhd .mha", true}, isFile<isMetaImageFile>, openWith<openMetaImageSource>},
-    {{"NIfTI-1, NIfTI-2, Analyze", ".nii .nii.gz .hdr", true},
+    {{"NRRD", ".nrrd .nhdr", true, true, kTime | kChannel},
+     isFile<isNrrdFile>,
+     openWith<openNrrdSource>},
+    {{"MetaImage", ".mhd .mha", true, true, kTime | kChannel},
+     isFile<isMetaImageFile>,
+     openWith<openMetaImageSource>},
+    {{"NIfTI-1, NIfTI-2, Analyze", ".nii .nii.gz .hdr", true, true, kTime | kChannel},
      isFile<isNiftiFile>,
      openWith<openNiftiSource>},
-    {{"MRC", ".mrc .map .map.gz", true}, isFile<isMrcFile>, openWith<openMrcSource>},
-    {{"DICOM", "file, or folder of a series", ISOBRICK_WITH_ITK}, nullptr, openItk},
-    {{"TIFF", ".tif .tiff, or folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
-    {{"PNG", "folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"MRC", ".mrc .map .map.gz", true, true, kChannel | kImage},
+     isFile<isMrcFile>,
+     openWith<openMrcSource>},
+    {{"DICOM", "file, or folder of a series", ISOBRICK_WITH_ITK, false,
+      kGrid | kTime | kChannel | kSeries},
+     nullptr,
+     openItk},
+    {{"TIFF", ".tif .tiff, or folder of slices", ISOBRICK_WITH_ITK, false,
+      kTime | kChannel | kImage},
+     nullptr,
+     openItk},
+    {{"PNG", "folder of slices", ISOBRICK_WITH_ITK, false, kTime | kChannel}, nullptr, openItk},
 };
 
 // From a path that refuseUnusablePath() let pass.
@@ -132,7 +147,7 @@ std::vector<ReadableFormat> readableFormats() {
   }();
   std::vector<ReadableFormat> formats;
   for (const Reader& reader : kReaders) formats.push_back(reader.format);
-  formats.push_back({"raw voxels", raw_endings.c_str(), true});
+  formats.push_back({"raw voxels", raw_endings.c_str(), true, false, 0});
   return formats;
 }
 
@@ -161,10 +176,10 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
 
 std::unique_ptr<VolumeSource> viewAsGiven(std::unique_ptr<VolumeSource> source,
                                           const OpenOptions& options, int level) {
-  if (options.spacing || options.origin) {
-    std::optional<glm::dvec3> spacing = options.spacing;
-    if (spacing) *spacing *= static_cast<double>(std::int64_t{1} << level);
-    source = makePlacedSource(std::move(source), spacing, options.origin);
+  if (options.spacing || options.origin || !options.unit.empty()) {
+    GivenPlace place = options;
+    if (place.spacing) *place.spacing *= static_cast<double>(std::int64_t{1} << level);
+    source = makePlacedSource(std::move(source), place);
   }
   return derivedVolume(std::move(source), options.derivation);
 }

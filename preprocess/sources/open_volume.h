@@ -34,8 +34,9 @@ struct ComponentChoice {
   std::int64_t index = 0;  // otherwise: this one, from 0
 };
 
-// Options of opening a volume.
-struct OpenOptions {
+// Options of opening a volume. Spacing, origin and units replace those that the input states or
+// lacks; for a coarser level of a pyramid, the spacing is that of level 0.
+struct OpenOptions : GivenPlace {
   // If given, the file has no header, whatever its name.
   std::optional<RawLayout> raw;
   // Checked while the volume is opened, and by the source whenever it is read: it outlives the
@@ -50,11 +51,6 @@ struct OpenOptions {
   bool dicom_float32 = false;
   // UID or number of the series to take from a folder with several DICOM series.
   std::string series;
-  // Replace the spacing and origin that the input states or lacks. For a coarser level of a pyramid
-  // they are still those of level 0. Finite; `spacing` above 0.
-  std::optional<glm::dvec3> spacing;
-  // See spacing.
-  std::optional<glm::dvec3> origin;
   // Opens a pyramid (.isb) as a volume: this level of it. Without it pyramids are refused, so that
   // no pyramid is built of a pyramid by accident.
   std::optional<int> pyramid_level;
@@ -109,9 +105,19 @@ std::vector<std::string> gridNames(const std::string& path, const OpenOptions& o
 
 // A format that openVolume() reads, for a list of them.
 struct ReadableFormat {
-  const char* name;     // "NRRD"
+  // What OpenOptions choose from.
+  enum Choice : unsigned { kGrid = 1, kTime = 2, kChannel = 4, kImage = 8, kSeries = 16 };
+
+  const char* name;     // "NRRD"; the first word of VolumeInfo::format is part of it
   const char* endings;  // or what else names it; ".mhd .mha"
   bool is_built_in;     // false: this build of isobrick leaves it out
+  bool file_is_volume;  // a file of one of these endings, and no slice of a volume
+  unsigned choices;     // of Choice
+  // Whether a volume of this VolumeInfo::format is one.
+  bool isOf(const std::string& format) const {
+    return std::string_view(name).find(format.substr(0, format.find(' '))) !=
+           std::string_view::npos;
+  }
 };
 // All of them.
 std::vector<ReadableFormat> readableFormats();

@@ -214,18 +214,18 @@ void chooseComponent(const std::string& path, const TiffImage& image, const Tiff
 }
 
 // Spacing and unit. Without a distance of slices, that of pixels along x is taken.
-void takeLengths(const TiffLengths& lengths, GridGeometry& geometry,
-                 std::vector<std::string>& notes) {
+void takeLengths(const TiffLengths& lengths, VolumeInfo& info) {
+  GridGeometry& geometry = info.geometry;
   geometry.spacing = lengths.spacing;
   if (lengths.spacing.x == 0) {
     geometry.spacing.x = geometry.spacing.y = 1;
-    notes.emplace_back("the pixels have no distance; 1 was used");
+    info.notes.emplace_back("the pixels have no distance; 1 was used");
   }
   if (lengths.spacing.z == 0) {
     geometry.spacing.z = geometry.spacing.x;
-    notes.emplace_back(kNoSliceDistance);
+    info.notes.emplace_back(kNoSliceDistance);
   }
-  takeLengthUnits(lengths.units, geometry, notes);
+  takeLengthUnits(lengths.units, info);
 }
 
 // The volume of some slices.
@@ -243,8 +243,9 @@ std::unique_ptr<VolumeSource> openSlices(VolumeInfo info, std::vector<std::strin
   }
   info.voxels = Index3(first.form.width, first.form.height, std::ssize(slices));
   checkVoxelCounts(info.source, info.voxels);
-  std::vector<std::string> unsaid;  // of distances that are given
-  takeLengths(lengths, info.geometry, options.spacing ? unsaid : info.notes);
+  const std::size_t notes = info.notes.size();
+  takeLengths(lengths, info);
+  if (options.spacing) info.notes.resize(notes);  // they are of distances that are given
   tidyGeometry(info.source, info.geometry, info.voxels, info.notes);
   StoredVoxels stored;
   stored.type = *first.form.type();

@@ -107,6 +107,13 @@ std::string unpackLzma(std::span<const std::byte> packed, std::span<std::byte> o
 
 }  // namespace
 
+std::uint64_t mostUnpackedBytes(BlockCodec codec, std::uint64_t packed_bytes) {
+  const std::uint64_t ratio = codec == BlockCodec::kZlib || codec == BlockCodec::kDeflate ? 1032
+                              : codec == BlockCodec::kLz4                                 ? 255
+                                                                                          : 1 << 14;
+  return std::min(packed_bytes, std::uint64_t{1} << 40) * ratio;
+}
+
 std::string unpackBlock(BlockCodec codec, std::span<const std::byte> packed,
                         std::span<std::byte> out) {
   switch (codec) {

@@ -415,14 +415,14 @@ VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
   return result;
 }
 
-GridGeometry geometryOf(const std::string& path, const GridBase& grid, const VoxelBox& box,
-                        std::vector<std::string>& notes) {
+void takeTransform(const std::string& path, const GridBase& grid, const VoxelBox& box,
+                   VolumeInfo& info) {
   if (!grid.transform().isLinear())
     throw cannotUse(path, "its grid ", quoted(grid.getName()),
                     " has a perspective (frustum) transform, and only linear ones are read");
   const auto map = grid.transform().baseMap()->getAffineMap();
   const auto toGlm = [](const openvdb::Vec3d& v) { return glm::dvec3(v.x(), v.y(), v.z()); };
-  GridGeometry geometry;
+  GridGeometry& geometry = info.geometry;
   for (int axis = 0; axis < 3; ++axis) {
     openvdb::Vec3d step(0.0);
     step[axis] = 1;
@@ -435,9 +435,8 @@ GridGeometry geometryOf(const std::string& path, const GridBase& grid, const Vox
   // The format has no unit; this is isobrick's own.
   const auto unit = grid.getMetadata<openvdb::StringMetadata>("isobrick:length_unit");
   if (unit && unit->value() != lengthUnitName(LengthUnit::kUnknown))
-    takeLengthUnits({unit->value(), unit->value(), unit->value()}, geometry, notes);
-  tidyGeometry(path, geometry, box.count, notes);
-  return geometry;
+    takeLengthUnits({unit->value(), unit->value(), unit->value()}, info);
+  tidyGeometry(path, geometry, box.count, info.notes);
 }
 
 // The common part of both sources.
@@ -567,7 +566,7 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenO
   const GridBase::Ptr grid = loaded.grid;
   const VoxelBox box = grownActiveBox(path, *grid);
   info.voxels = box.count;
-  info.geometry = geometryOf(path, *grid, box, info.notes);
+  takeTransform(path, *grid, box, info);
   if (!options.grid.empty()) info.encoding = "grid " + quoted(options.grid);
   info.voxel_type = VoxelType::kUint8;
   if (isMask(*grid)) info.notes.push_back(grid->valueType() + " voxels became 0 and 1");

@@ -17,6 +17,7 @@ namespace {
 struct VtiBlockLayout {
   std::uint64_t block_bytes = 0;  // of each, unpacked, but for the last one
   std::uint64_t total_bytes = 0;
+  std::uint64_t file_bytes = 0;
   std::size_t word_bytes = 8;  // of a number in the list of sizes
   bool big_endian = false;
 };
@@ -50,16 +51,20 @@ class VtiBlocksStream final : public PieceStream {
   bool refill() override {
     content_bytes_ += piece_.size();
     if (content_bytes_ == layout_.total_bytes) return false;
-    piece_.resize(static_cast<std::size_t>(
-        std::min(layout_.block_bytes, layout_.total_bytes - content_bytes_)));
+    const std::uint64_t wanted =
+        std::min(layout_.block_bytes, layout_.total_bytes - content_bytes_);
     std::array<std::byte, 8> word{};
     if (sizes_->read(word.data(), layout_.word_bytes) != layout_.word_bytes)
       throw failed("cut short");
     const std::uint64_t bytes = loadUnsigned(word.data(), layout_.word_bytes, layout_.big_endian);
-    // None is much longer than what it holds.
-    if (bytes > 2 * kMostBlockBytes || bytes / 2 > piece_.size() + 1024) throw failed("damaged");
+    // None is much longer than what it holds, or holds more than its codec can pack.
+    if (bytes > 2 * kMostBlockBytes || bytes / 2 > wanted + 1024 ||
+        wanted > mostUnpackedBytes(codec_, bytes))
+      throw failed("damaged");
+    if (bytes > layout_.file_bytes) throw failed("cut short");
     in_.resize(static_cast<std::size_t>(bytes));
     if (packed_->read(in_.data(), in_.size()) != in_.size()) throw failed("cut short");
+    piece_.resize(static_cast<std::size_t>(wanted));
     if (!unpackBlock(codec_, in_, piece_).empty()) throw failed("damaged");
     return true;
   }
@@ -183,8 +188,8 @@ class VtiVoxels {
       throw cannotUseVti(file_->path(), "its list of ", blocks, " blocks is cut short");
     auto unpacked = std::make_unique<VtiBlocksStream>(
         file_->path(), std::move(sizes_), std::move(stream_),
-        VtiBlockLayout{block_bytes, need_bytes_, static_cast<std::size_t>(wordBytes()),
-                       stored_.big_endian},
+        VtiBlockLayout{block_bytes, need_bytes_, file_->size(),
+                       static_cast<std::size_t>(wordBytes()), stored_.big_endian},
         *vtiCodecNamed(header_.compressor));
     return openStream(std::move(info), stored_, std::move(unpacked), 0, {file_->path()}, {},
                       cancel_);

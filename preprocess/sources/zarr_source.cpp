@@ -219,10 +219,11 @@ class ZarrSource final : public VolumeSource {
       in_order_.clear();
       for (const IndexBox& box : boxes)
         if (box.size() > 0)
-          forEachIndex(chunksOf(box), [&](const Index3& at) {
-            Indices index = indicesOf(at);
-            if (announced_.insert(index).second) in_order_.push_back(std::move(index));
-          });
+          forEachIndex(firstOf(chunksOf(box), kMostAnnounced - std::ssize(in_order_)),
+                       [&](const Index3& at) {
+                         Indices index = indicesOf(at);
+                         if (announced_.insert(index).second) in_order_.push_back(std::move(index));
+                       });
     }
     askAhead({}, 0);
   }
@@ -241,6 +242,14 @@ class ZarrSource final : public VolumeSource {
     const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
     return {begin, end - begin};
   }
+  // About the first `most` chunks, in order, and no more than those.
+  static IndexBox firstOf(IndexBox chunks, std::int64_t most) {
+    for (const int axis : {2, 1, 0})
+      if (chunks.size() > most)
+        chunks.count[axis] =
+            std::max<std::int64_t>(axis > 0 ? 1 : 0, most / (chunks.size() / chunks.count[axis]));
+    return chunks;
+  }
   // Neither here nor on its way.
   bool isAbsent(const Indices& index) const {
     const std::lock_guard lock(mutex_);
@@ -256,6 +265,8 @@ class ZarrSource final : public VolumeSource {
   // client keeps (RemoteStore, HttpRanges::kMostAheadBytes) even if they are packed to nothing
   // less, and again after every step of them.
   static constexpr std::int64_t kMostAhead = 256, kStepAhead = 16;
+  // What is announced beyond is asked for when it is read: chunks may be as small as a voxel.
+  static constexpr std::int64_t kMostAnnounced = 64 * kMostAhead;
   static constexpr std::uint64_t kAheadBytes = std::uint64_t{60} << 20;
 
   // Asks for chunks that are not here: those of the box from `number` on, then those that were
@@ -590,7 +601,7 @@ class ZarrOpener {
       info.geometry.origin[axis] = level.translation[i] * all.scale[i] + all.translation[i];
       units[static_cast<std::size_t>(axis)] = units_[i];
     }
-    takeLengthUnits(units, info.geometry, info.notes);
+    takeLengthUnits(units, info);
     if (is_coarser_ && !level.has_translation && !all.has_translation && own_.is_null())
       info.notes.push_back(
           "the level says no translation; if its voxels are means of finer ones, " +

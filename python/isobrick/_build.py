@@ -111,7 +111,7 @@ class _FileInput:
     component: int | None
     label: int | None = None
     denoise: float = 0.0
-    unit: str | None = None  # of arrays
+    unit: str | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None and self.unit not in MILLIMETRES:
@@ -197,7 +197,8 @@ def build(
     Parameters
     ----------
     unit
-        of arrays: that of spacing and origin, 'nm', 'um', 'mm', 'cm', 'm' or 'inch'; lengths become millimetres
+        of spacing and origin, and of the lengths in a file, whatever it says: 'nm', 'um', 'mm', 'cm', 'm' or 'inch';
+        lengths become millimetres
     codec
         'none', 'lz4' or 'zstd': how bricks are packed
     filter
@@ -282,8 +283,6 @@ class _Builder:
         self._volume = None if self._path is not None else describe(source)
         if self._path is not None and direction is not None:
             raise ArgumentError("a direction can be given for arrays only; files have their own")
-        if self._path is not None and chosen.unit is not None:
-            raise ArgumentError("a unit can be given for arrays only; of files give spacing in millimetres")
         self._direction = direction
         self._chosen = chosen
         self._settings = settings

@@ -71,21 +71,6 @@ DetailChoice readDetail(const nb::object& from, const GridGeometry& geometry, bo
   return choice;
 }
 
-// The least box of indices around a box of the world.
-QueryBox indexBoxAround(const QueryBox& world, const GridGeometry& geometry) {
-  QueryBox result{glm::dvec3(std::numeric_limits<double>::infinity()),
-                  glm::dvec3(-std::numeric_limits<double>::infinity())};
-  for (int corner = 0; corner < 8; ++corner) {
-    glm::dvec3 at;
-    for (int axis = 0; axis < 3; ++axis)
-      at[axis] = (corner >> axis & 1) != 0 ? world.max[axis] : world.min[axis];
-    const glm::dvec3 index = geometry.worldToIndex(at);
-    result.min = glm::min(result.min, index);
-    result.max = glm::max(result.max, index);
-  }
-  return result;
-}
-
 using MaskArray = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 // A copy of the array, [z, y, x], in a volume's own grid.

@@ -42,6 +42,7 @@ OpenOptions readInput(const nb::object& input) {
   options.raw = readRaw(input.attr("raw"));
   options.spacing = vectorOf(nb::cast<std::optional<Doubles3>>(input.attr("spacing")));
   options.origin = vectorOf(nb::cast<std::optional<Doubles3>>(input.attr("origin")));
+  options.unit = nb::cast<std::optional<std::string>>(input.attr("unit")).value_or("");
   options.series = nb::cast<std::string>(input.attr("series"));
   options.grid = nb::cast<std::string>(input.attr("grid"));
   options.time = nb::cast<std::optional<std::int64_t>>(input.attr("time"));

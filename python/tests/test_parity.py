@@ -86,7 +86,7 @@ def test_several_isovalues(pyramid: isobrick.Pyramid) -> None:
     assert np.allclose(volumes, [VOLUME_OF_BALL * r**3 for r in (4.5, 4, 3.5)], rtol=0.03)
 
 
-def test_units_of_arrays(tmp_path: Path) -> None:
+def test_units_of_arrays_and_files(tmp_path: Path) -> None:
     isobrick.build(ball(), tmp_path / "a.isb", spacing=(5, 5, 5), origin=(10, 0, 0), unit="um")
     with isobrick.open(tmp_path / "a.isb") as micro:
         assert micro.unit == "millimetres"
@@ -94,8 +94,9 @@ def test_units_of_arrays(tmp_path: Path) -> None:
     assert isobrick.isosurface(ball(), 0, unit="inch").unit == "millimetres"
     with pytest.raises(ValueError, match="parsec"):
         isobrick.build(ball(), tmp_path / "b.isb", unit="parsec")
-    with pytest.raises(ValueError, match="arrays only"):
-        isobrick.build("phantom:head:16", tmp_path / "b.isb", unit="um")
+    isobrick.build("phantom:head:16", tmp_path / "b.isb", spacing=(0.5, 0.5, 2), unit="um")
+    with isobrick.open(tmp_path / "b.isb") as head:
+        assert head.unit == "millimetres" and np.allclose(head.spacing, (0.0005, 0.0005, 0.002))
 
 
 def test_errors_are_those_of_python(pyramid: isobrick.Pyramid, tmp_path: Path) -> None:

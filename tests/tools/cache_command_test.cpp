@@ -36,6 +36,17 @@ class CacheCommandTest : public CommandTest {
   }
 };
 
+TEST_F(CacheCommandTest, AFullCacheIsSaidBeforeItGrows) {
+  const Words words = {"extract", "sphere.nrrd", "--iso", "0", "--level", "1"};
+  fs::create_directories(folder());
+  writeBytes(folder() + "/0123456789abcdef.isb", "");
+  fs::resize_file(folder() + "/0123456789abcdef.isb", 9'000'000'000);  // without blocks
+  const std::string warned = run(words).err;
+  EXPECT_NE(warned.find("isobrick: warning: the cache in '" + folder()), std::string::npos);
+  EXPECT_NE(warned.find("--cache-folder"), std::string::npos);
+  EXPECT_EQ(run(words).err, "") << "it is there already";
+}
+
 TEST_F(CacheCommandTest, AVolumeIsTakenAsItsPyramid) {
   runWell({"extract", "sphere.nrrd", "--iso", "0", "--level", "1", "-o", "of_volume.ply"});
   EXPECT_FALSE(fs::exists(path("sphere.isb")));

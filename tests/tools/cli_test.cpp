@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <sstream>
 #include <vector>
 
 #include "tests/support/command_test.h"
@@ -102,6 +103,52 @@ std::uint32_t trianglesOfStl(const std::string& stl) {
   if (stl.size() >= 84) std::memcpy(&triangles, stl.data() + 80, sizeof triangles);
   EXPECT_EQ(stl.size(), 84 + 50 * std::size_t{triangles});
   return triangles;
+}
+
+TEST_F(CliTest, TheUnitOfAnInputIsThatOfAllThatComesOfIt) {
+  writeBytes(path("xyz.raw"), makeRawVolume());
+  const auto reading = [&](Words words, const Words& place) {
+    for (const char* word : {"--raw-dims", "8,9,10", "--raw-type", "f32"}) words.emplace_back(word);
+    words.insert(words.end(), place.begin(), place.end());
+    return words;
+  };
+  for (const Words& place : {Words{"--spacing", "0.65,0.65,2um"},
+                             {"--spacing", "0.65,0.65,2", "--input-unit", "um"},
+                             {"--spacing", "650,650,2000nm", "--input-unit", "um"}}) {
+    runWell(reading({"build", "xyz.raw", "-o", "xyz.isb", "--force"}, place));
+    for (const Json& info :
+         {runForJson({"info", "xyz.isb"}),
+          runForJson(reading({"info", "xyz.raw", "--cache-folder", "c"}, place)),
+          runForJson(reading({"convert", "xyz.raw", "-o", "xyz.nrrd", "--force"}, place))}) {
+      EXPECT_EQ(info["length_unit"], "millimetres");
+      EXPECT_NEAR(info["spacing"][0].get<double>(), 0.00065, 1e-15);
+      EXPECT_NEAR(info["spacing"][2].get<double>(), 0.002, 1e-15);
+    }
+    runWell({"extract", "xyz.isb", "--iso", "9.5", "-o", "a.ply", "--force"});
+    runWell(reading({"extract", "xyz.raw", "--iso", "9.5", "-o", "b.ply", "--force"}, place));
+    EXPECT_EQ(readBytes(path("a.ply")), readBytes(path("b.ply")));
+    EXPECT_NE(readBytes(path("a.ply")).find("millimetres"), std::string::npos);
+    // A print has a unit, and nothing has to be assumed for it.
+    EXPECT_EQ(run({"extract", "xyz.isb", "--iso", "9.5", "-o", "a.3mf", "--force"}).err, "");
+  }
+  expectFailure(2, reading({"build", "xyz.raw"}, {"--input-unit", "parsec"}),
+                "'parsec' is not a unit of length");
+  expectFailure(2, {"extract", "xyz.isb", "--iso", "9.5", "--input-unit", "um"},
+                "says how to read a volume");
+}
+
+TEST_F(CliTest, TheFormatsAreInTheDocuments) {
+  const std::string page = readBytes(goldenFolder() + "/../../docs/FORMATS.md");
+  const Json formats = runForJson({"formats"});
+  for (const Json& format : formats["read"]) {
+    const std::string name = format["name"];
+    EXPECT_NE(page.find(name.substr(0, name.find_first_of(" ,-"))), std::string::npos) << name;
+    std::istringstream endings(format["endings"].get<std::string>());
+    for (std::string ending; endings >> ending;) {
+      if (ending.front() != '.') continue;
+      EXPECT_NE(page.find(ending.substr(0, ending.find(','))), std::string::npos) << ending;
+    }
+  }
 }
 
 TEST_F(CliTest, ADistanceIsSaidInItsUnit) {

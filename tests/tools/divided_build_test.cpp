@@ -41,10 +41,10 @@ TEST_F(DividedBuildTest, PartsAndTheJoinGiveThePyramidOfOneBuild) {
   runWell({"build", "head.nrrd", "--brick", "8"});
   buildParts(4);
   expectFailure(1, {"info", "head.isbs"}, "'head.isbs/index.isb'");
-  const Json joined = runForJson({"build", "head.isbs", "--join"})["join"];
+  const Json joined = runForJson({"merge", "head.isbs"})["join"];
   EXPECT_EQ(joined["super_bricks"], 27);
   const std::string index = readBytes(inFolder(kIndexName));
-  runWell({"build", "head.isbs", "--join"});
+  runWell({"merge", "head.isbs"});
   EXPECT_TRUE(index == readBytes(inFolder(kIndexName)));
 
   const Json whole = runForJson({"info", "head.isb"}), divided = runForJson({"info", "head.isbs"});
@@ -168,7 +168,7 @@ TEST_F(DividedBuildTest, DamagedFilesAreBuiltAgain) {
   std::string bad = file;
   bad[header.division.offset + header.division.stored_bytes / 2] ^= 1;
   writeBytes(inFolder("1-0-2.isb"), bad);
-  expectFailure(1, {"build", "head.isbs", "--join"}, "damaged table for the join");
+  expectFailure(1, {"merge", "head.isbs"}, "damaged table for the join");
   expectMended("1-0-2.isb");
   // Files that are not isobrick's stay.
   writeBytes(inFolder("1-0-2.isb"), "notes");
@@ -187,30 +187,39 @@ TEST_F(DividedBuildTest, TheFolderMayHaveASlashAndIsNoFile) {
 }
 
 TEST_F(DividedBuildTest, WhatIsNoPyramidIsNamed) {
-  expectFailure(1, {"build", "nothing.isbs", "--join"}, "'nothing.isbs'");
+  expectFailure(1, {"merge", "nothing.isbs"}, "'nothing.isbs'");
   expectFailure(2, {"build", "head.nrrd", "--part", "1/2"}, "-o OUT.isbs");
   expectFailure(2, {"build", "head.nrrd", "-o", "x.isb", "--super-brick", "64"}, "-o OUT.isbs");
-  expectFailure(2, {"build", "head.isbs", "--join", "-o", "x.isb"}, "neither an output");
+  for (const Words& more : {Words{"-o", "x.ply"}, {"--check"}, {"--unit", "mm", "-o", "x.ply"}}) {
+    Words words = {"merge", "head.isbs"};
+    words.insert(words.end(), more.begin(), more.end());
+    expectFailure(2, words, "neither an output");
+  }
+  expectFailure(2, {"merge", "head.isbs", "a.isbm"}, "joined alone");
+  expectFailure(2, {"merge", "a.isbm", "--memory", "1G"}, "--memory is for a pyramid");
+  const Outcome old = run({"build", "nothing.isbs", "--join"});
+  EXPECT_EQ(old.status, 1);
+  EXPECT_NE(old.err.find("build --join is merge now"), std::string::npos) << old.err;
   expectFailure(1, {"build", "phantom:sphere:2", "-o", "small.isbs"}, "fits into one brick");
   buildParts(1);
   // One that is not there, one of another place, one of another build, one too many.
   fs::rename(inFolder("2-2-2.isb"), path("kept"));
-  expectFailure(1, {"build", "head.isbs", "--join"}, "lacks 1 of its 27 files: 2-2-2.isb");
+  expectFailure(1, {"merge", "head.isbs"}, "lacks 1 of its 27 files: 2-2-2.isb");
   fs::copy_file(inFolder("0-0-0.isb"), inFolder("2-2-2.isb"));
-  expectFailure(1, {"build", "head.isbs", "--join"},
+  expectFailure(1, {"merge", "head.isbs"},
                 "'head.isbs/2-2-2.isb' is the file of another super-brick");
   runWell({"build", "head.nrrd", "--brick", "8", "--codec", "none", "-o", "other.isbs",
            "--super-brick", "32"});
   fs::remove(inFolder("2-2-2.isb"));
   fs::copy_file(path("other.isbs/2-2-2.isb"), inFolder("2-2-2.isb"));
-  expectFailure(1, {"build", "head.isbs", "--join"}, "with other options");
+  expectFailure(1, {"merge", "head.isbs"}, "with other options");
   expectFailure(1, build({"--part", "1/1"}), "replace it with --force");
   fs::remove(inFolder("2-2-2.isb"));
   fs::rename(path("kept"), inFolder("2-2-2.isb"));
   fs::copy_file(inFolder("0-0-0.isb"), inFolder("3-0-0.isb"));
-  expectFailure(1, {"build", "head.isbs", "--join"}, "another division: 3-0-0.isb");
+  expectFailure(1, {"merge", "head.isbs"}, "another division: 3-0-0.isb");
   fs::remove(inFolder("3-0-0.isb"));
-  runWell({"build", "head.isbs", "--join"});
+  runWell({"merge", "head.isbs"});
   expectFailure(1, {"info", "head.isbs/0-0-0.isb"}, "one super-brick of a divided pyramid");
   expectFailure(1, {"build", "head.isbs", "-o", "y.isb"}, "is a pyramid already");
 

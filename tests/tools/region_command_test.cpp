@@ -35,6 +35,38 @@ TEST_F(RegionCommandTest, PlanesAndSpheresCutInVoxelsOrInTheWorld) {
   for (const Json& one : solid["components"]) EXPECT_TRUE(one["volume"].is_number());
 }
 
+TEST_F(RegionCommandTest, LengthsHaveUnits) {
+  expectFailure(1, {"extract", "head.isb", "--iso", "900", "--sphere", "0,0,0,5mm"},
+                "the unit of the volume");
+  for (const Words& place : {Words{"--input-unit", "um"}, {"--spacing", "0.5,0.5,0.5um"}}) {
+    Words build = {"build", "head.nrrd", "-o", "um.isb", "--force", "--rebuild"};
+    build.insert(build.end(), place.begin(), place.end());
+    runWell(build);
+    const Json info = runForJson({"info", "um.isb"});
+    EXPECT_EQ(info["length_unit"], "millimetres");
+    const auto at = [&](std::size_t axis, double index) {
+      return 1e3 *
+             (info["origin"][axis].get<double>() + index * info["spacing"][axis].get<double>());
+    };
+    const auto same = [&](const Words& in_voxels, const Words& in_world) {
+      const Json cut = extracted("um.isb", in_voxels);
+      EXPECT_GT(cut["triangles"], 100);
+      EXPECT_LT(cut["triangles"], extracted("um.isb", {})["triangles"]);
+      EXPECT_EQ(extracted("um.isb", in_world)["triangles"], cut["triangles"]);
+    };
+    const double step = 1e3 * info["spacing"][0].get<double>();
+    const auto text = [](double number) { return std::to_string(number); };
+    same({"--clip", "1,0,0,24.25"}, {"--clip", "1,0,0," + text(at(0, 24.25)) + "um"});
+    const std::string middle =
+        text(at(0, 20.1)) + "," + text(at(1, 23.3)) + "," + text(at(2, 24.7));
+    same({"--clip", "20.1,23.3,24.7,1,1,0"}, {"--clip", middle + ",1,1,0um"});
+    same({"--sphere", "20.1,23.3,24.7,15.3"},
+         {"--sphere", middle + "," + text(15.3 * step) + "um"});
+    same({"--focus", "20.1,23.3,24.7", "--radius", "9.3"},
+         {"--focus", middle + "um", "--radius", text(9.3 * step) + "um"});
+  }
+}
+
 TEST_F(RegionCommandTest, MasksAreVolumesOrPyramids) {
   // Half as many voxels, twice as large; 7 in half of them.
   std::string mask =

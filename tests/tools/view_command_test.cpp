@@ -181,6 +181,16 @@ TEST_F(ViewCommandTest, StepsOfTimeHaveOneView) {
   expectFailure(2, many, "--steps");
 }
 
+TEST_F(ViewCommandTest, JsonSaysWhatTheScriptWrote) {
+  write("one.json", R"({"steps": [{"wait": "settled"}, {"state": "one.view.json"}]})");
+  const Json shown = runForJson(
+      {"view", "sphere.isb", "--offscreen", "--script", "one.json", "--out-dir", "frames"});
+  EXPECT_EQ(shown["volumes"], Json({"sphere.isb"}));
+  EXPECT_EQ(shown["written"], Json({"frames/one.view.json"}));
+  EXPECT_EQ(shown["report"], nullptr);
+  EXPECT_TRUE(fs::exists(path("frames/one.view.json")));
+}
+
 TEST_F(ViewCommandTest, SeveralVolumesAreInOneScene) {
   runWell({"phantom", "head", "--voxels", "40", "-o", "head.nrrd"});
   runWell({"build", "head.nrrd", "--spacing", "0.7,0.7,0.9", "--origin", "30,5,0"});

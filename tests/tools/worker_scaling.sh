@@ -28,7 +28,7 @@ for _ in $(seq "$rounds"); do
   seconds build.1 build 1/1
   rm -rf scan.isbs
   seconds build.2 both build
-  "$isobrick" build scan.isbs --join >/dev/null
+  "$isobrick" merge scan.isbs >/dev/null
   seconds extract.1 shares 1
   seconds extract.2 shares 2
   seconds arithmetic.1 once_each

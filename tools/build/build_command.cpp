@@ -17,8 +17,6 @@
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/lowercase.h"
-#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/share_number.h"
 #include "tools/build/build_batch.h"
 #include "tools/build/build_divided.h"
@@ -43,12 +41,9 @@ struct BuildArguments {
   bool json = false;
   std::optional<ShareNumber> part;
   std::int64_t super_cells = 0;  // 0: not given
-  bool join = false;
   BuildSettings settings{{}, allCores()};
 
-  bool isDivided() const {
-    return lowerExtension(output.substr(0, output.find_last_not_of('/') + 1)) == kDividedEnding;
-  }
+  bool isDivided() const { return isDividedName(output); }
 };
 
 // The folder of --out-dir. One that was made here is removed if nothing is in it at the end.
@@ -172,11 +167,6 @@ void checkNames(const BuildArguments& arguments, std::size_t inputs) {
 
 // The output is one file, or a folder of many.
 void checkDivision(const BuildArguments& arguments) {
-  if (arguments.join &&
-      (arguments.inputs.size() != 1 || !arguments.output.empty() || arguments.part))
-    throw UsageError(
-        "joining super-bricks takes their folder (.isbs) alone, and neither an output nor a part");
-  if (arguments.join) return;
   const char* const given = arguments.part               ? "--part"
                             : arguments.super_cells != 0 ? "--super-brick"
                                                          : nullptr;
@@ -185,16 +175,15 @@ void checkDivision(const BuildArguments& arguments) {
         fmt::format("{} is for pyramids of many files; name the folder with -o OUT.isbs", given));
   const bool has_previews = !arguments.settings.options.preview.folder.empty();
   if (arguments.isDivided() && has_previews)
-    throw UsageError("previews are for pyramids of one file");
+    throw UsageError("--preview-folder is for pyramids of one file");
   if (has_previews && arguments.settings.progress != ProgressStyle::kLines)
-    throw UsageError("a folder for previews goes with lines of progress");
+    throw UsageError("--preview-folder goes with --progress-lines");
   if (arguments.isDivided() && arguments.settings.options.mask_nan)
     throw UsageError("--mask-nan is for pyramids of one file; write OUT.isb, or give --nan-as V");
 }
 
 int runBuild(BuildArguments arguments) {
   checkDivision(arguments);
-  if (arguments.join) return runJoin(arguments.inputs.front(), arguments.settings, arguments.json);
   if (arguments.isDivided())
     arguments.settings.options.super_cells =
         arguments.super_cells != 0 ? arguments.super_cells : kDefaultSuperCells;
@@ -248,16 +237,13 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       sub, "--part", arguments.part, parseShare, "I/N",
       "Do share I of N shares, I from 1: some super-bricks of an output of many files (OUT.isbs, "
       "a folder), in any order and on any machine; what is there stays");
-  sub.add_flag("--join", arguments.join, "")  // as 'isobrick merge FOLDER.isbs' says it
-      ->group("");
   // For the commands that take volumes (tools/volume_input.h).
   addParsedOption(sub, "--into-cache", arguments.settings.cache_folder, notEmpty, "DIR", "")
-      ->group("")
-      ->excludes(output);
+      ->group(kProgramGroup);
   addParsedOption(sub, "--cache-most", arguments.settings.most_cached_bytes, parseByteSize, "SIZE",
                   "")
-      ->group("");
-  sub.add_flag("--only-facts", arguments.settings.only_facts, "")->group("");
+      ->group(kProgramGroup);
+  sub.add_flag("--only-facts", arguments.settings.only_facts, "")->group(kProgramGroup);
   sub.add_flag("--rebuild", arguments.settings.rebuild, "Build also what is up to date");
   addForceFlag(sub, arguments.settings.force)
       ->description(

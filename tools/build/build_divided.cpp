@@ -224,9 +224,13 @@ int runBuildDivided(const BuildJob& job, BuildSettings settings,
   return 0;
 }
 
-int runJoin(const std::string& folder, const BuildSettings& settings, bool json) {
+namespace {
+
+int joinAndReport(const std::string& folder, std::uint64_t memory_bytes, int threads, bool json) {
+  BuildSettings settings;
+  settings.options.memory_bytes = memory_bytes;
   const JoinReport join =
-      runWithThreads(settings.threads, [&] { return joinShowingProgress(folder, settings); });
+      runWithThreads(threads, [&] { return joinShowingProgress(folder, settings); });
   if (json) {
     Json object = {{"output", folder}};
     object["join"] = jsonOfJoin(join);
@@ -236,5 +240,9 @@ int runJoin(const std::string& folder, const BuildSettings& settings, bool json)
   }
   return 0;
 }
+
+}  // namespace
+
+PyramidJoin* pyramidJoin() { return joinAndReport; }
 
 }  // namespace isobrick

@@ -14,7 +14,4 @@ namespace isobrick {
 int runBuildDivided(const BuildJob& job, BuildSettings settings,
                     const std::optional<ShareNumber>& share, bool json);
 
-// Makes the index of a folder whose super-bricks are all there.
-int runJoin(const std::string& folder, const BuildSettings& settings, bool json);
-
 }  // namespace isobrick

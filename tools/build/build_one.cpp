@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <new>
@@ -67,6 +68,29 @@ void takeNoteOfPyramid(const BuildOptions& options, BuiltVolume& built) {
     built.fresh_bytes = freshBytes(layout, built.bytes.raw, built.report.bricks_resumed);
 }
 
+// Before a pyramid of a volume of so many bytes comes into the cache, which may lie in a home
+// folder with a quota.
+void warnOfFullCache(const std::string& folder, std::uint64_t bytes) {
+  constexpr std::uint64_t kManyBytes = 8'000'000'000;
+  const auto warn = [&](const std::string& what) {
+    fmt::print(stderr,
+               "{}the cache in '{}' {}; name another folder with --cache-folder, bound it with "
+               "ISOBRICK_CACHE_SIZE, or empty it with 'isobrick cache --clear'\n",
+               kWarningWord, oneLine(folder), what);
+  };
+  std::uint64_t held = bytes;
+  for (const CachedPyramid& entry : listCache(folder)) held += entry.bytes;
+  held = std::min(held, std::max(bytes, cacheBound()));
+  std::error_code failure;
+  const std::filesystem::space_info disk = std::filesystem::space(folder, failure);
+  const std::uint64_t free = disk.available - std::min<std::uint64_t>(disk.available, bytes);
+  if (!failure && free < disk.capacity / 10)
+    warn(fmt::format("leaves {} of the disk's {} free with this pyramid", byteSizeText(free),
+                     byteSizeText(disk.capacity)));
+  else if (held > kManyBytes && std::getenv("ISOBRICK_CACHE_SIZE") == nullptr)
+    warn(fmt::format("takes up to {} with this pyramid", byteSizeText(held)));
+}
+
 // The place of a pyramid in the cache: one that is up to date beside the input is taken as it is;
 // else the file is named after its identity, and the lock keeps other processes from building it.
 std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings& settings,
@@ -86,6 +110,7 @@ std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings&
   if (settings.most_cached_bytes > 0 && volumeBytes(info) > settings.most_cached_bytes &&
       !isThere())
     throw tooLargeForCache(job.input.path, volumeBytes(info));
+  if (!isThere()) warnOfFullCache(settings.cache_folder, volumeBytes(info));
   return lock;
 }
 

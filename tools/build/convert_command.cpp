@@ -306,10 +306,11 @@ void checkUsage(const ConvertArguments& arguments) {
       throw UsageError(
           fmt::format("Zarr 2 has no shards; leave out {} or --zarr-version 2", option));
   if ((arguments.with_ranges || arguments.with_curvature) &&
-      (arguments.window || arguments.input.spacing || arguments.input.origin))
+      (arguments.window || arguments.input.spacing || arguments.input.origin ||
+       !arguments.input.unit.empty()))
     throw UsageError(
         "--with-ranges and --with-curvature write what the pyramid stores, in its place; leave out "
-        "--window, --spacing and --origin");
+        "--window, --spacing, --origin and --input-unit");
   if (!arguments.input.derivation.isNone() && (arguments.level > 0 || arguments.all_levels))
     throw UsageError(
         "--label and --denoise are of the finest level; leave out --level and --all-levels");

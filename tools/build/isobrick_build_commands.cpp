@@ -9,10 +9,11 @@
 namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) {
+  // People know the last two as commands of `isobrick`, which becomes this executable for volumes.
   std::vector<Command> commands = {addBuildCommand(app), addConvertCommand(app),
-                                   addVolumeFormatsCommand(app), addExtractCommand(app)};
-  // People know it as a command of `isobrick`, which becomes this executable for volumes.
-  commands.back().parser->group("");
+                                   addVolumeFormatsCommand(app), addExtractCommand(app),
+                                   addMergeCommand(app)};
+  for (std::size_t i = 3; i < commands.size(); ++i) commands[i].parser->group("");
   return commands;
 }
 
@@ -28,7 +29,8 @@ Command addVolumeFormatsCommand(CLI::App& app) {
             for (const ReadableFormat& format : readableFormats())
               json["read"].push_back({{"name", format.name},
                                       {"endings", format.endings},
-                                      {"built_in", format.is_built_in}});
+                                      {"built_in", format.is_built_in},
+                                      {"file_is_volume", format.file_is_volume}});
             json["write"].push_back({{"ending", ".isb"}, {"levels", false}, {"built_in", true}});
             for (const WritableFormat& format : writableFormats())
               json["write"].push_back({{"ending", format.ending},

@@ -54,18 +54,25 @@ void takeOneOrAll(const std::string& value, std::optional<std::int64_t>& number,
 // The keys of --select.
 struct SelectKey {
   std::string_view key;
+  unsigned choice;  // of ReadableFormat::Choice; 0: checked when the file is opened
   void (*set)(InputOptions&, const std::string&);
 };
 constexpr SelectKey kSelectKeys[] = {
-    {"array", [](InputOptions& o, const std::string& value) { o.grids.push_back(value); }},
-    {"grid", [](InputOptions& o, const std::string& value) { o.grids.push_back(value); }},
-    {"series", [](InputOptions& o, const std::string& value) { o.series = value; }},
-    {"time",
+    {"array", ReadableFormat::kGrid,
+     [](InputOptions& o, const std::string& value) { o.grids.push_back(value); }},
+    {"grid", ReadableFormat::kGrid,
+     [](InputOptions& o, const std::string& value) { o.grids.push_back(value); }},
+    {"series", ReadableFormat::kSeries,
+     [](InputOptions& o, const std::string& value) { o.series = value; }},
+    {"time", ReadableFormat::kTime,
      [](InputOptions& o, const std::string& value) { takeOneOrAll(value, o.time, o.all_times); }},
-    {"channel", [](InputOptions& o,
-                   const std::string& value) { takeOneOrAll(value, o.channel, o.all_channels); }},
-    {"image", [](InputOptions& o, const std::string& value) { o.image = parseCount(value); }},
-    {"component",
+    {"channel", ReadableFormat::kChannel,
+     [](InputOptions& o, const std::string& value) {
+       takeOneOrAll(value, o.channel, o.all_channels);
+     }},
+    {"image", ReadableFormat::kImage,
+     [](InputOptions& o, const std::string& value) { o.image = parseCount(value); }},
+    {"component", 0,
      [](InputOptions& o, const std::string& value) { o.component = parseComponent(value); }},
 };
 
@@ -97,26 +104,7 @@ struct OptionFit {
                                                     // the name of an output ends
 };
 
-// A choice of component is checked when the file is opened, as it depends on the values per voxel.
 const OptionFit kFits[] = {
-    {Side::kInput,
-     {"--select grid", "--select array"},
-     "OpenVDB, VTI, slices of OpenEXR and stacks of DICOM",
-     {"OpenVDB", "VTK ImageData", "OpenEXR", "DICOM"}},
-    {Side::kInput,
-     {"--select time"},
-     "OME-Zarr, TIFF, slices of PNG and OpenEXR, HDF5, NIfTI, NRRD, MetaImage and DICOM",
-     {"OME-Zarr", "Zarr", "TIFF", "PNG", "OpenEXR", "HDF5", "NIfTI", "NRRD", "MetaImage", "DICOM"}},
-    {Side::kInput,
-     {"--select channel"},
-     "OME-Zarr, TIFF, slices of PNG and OpenEXR, HDF5, NIfTI, NRRD, MetaImage, MRC and DICOM",
-     {"OME-Zarr", "Zarr", "TIFF", "PNG", "OpenEXR", "HDF5", "NIfTI", "NRRD", "MetaImage", "MRC",
-      "DICOM"}},
-    {Side::kInput,
-     {"--select image"},
-     "OME-Zarr, TIFF and MRC",
-     {"OME-Zarr", "Zarr", "TIFF", "MRC"}},
-    {Side::kInput, {"--select series"}, "folders of DICOM series", {"DICOM"}},
     {Side::kInput, {"--dicom-float32"}, "DICOM series", {"DICOM"}},
     {Side::kInput, {"--raw-dims"}, "files without a header", {"raw"}},
     {Side::kInput,
@@ -181,8 +169,8 @@ std::vector<InputOptions> inputsOfGrids(const InputOptions& input) {
 
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options) {
   app.add_option("INPUT", paths,
-                 "Volumes: NRRD, MetaImage, NIfTI, VTI, VDB, TIFF, ... files, folders of a DICOM "
-                 "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too; "
+                 "Volumes of the formats that 'isobrick formats' lists, folders of a DICOM "
+                 "series or of slices, or raw files; quoted patterns ('scans/*.nrrd') too; "
                  "URLs of OME-Zarr; phantom:NAME:SIZE, or phantom:NAME:SIZE:TYPE")
       ->type_name("PATH")
       ->required();
@@ -207,12 +195,17 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
   addParsedOption(app, "--raw-offset", options.raw.offset_bytes, parseCount, "BYTES",
                   "Bytes in front of its first voxel; default: 0")
       ->needs(dims);
-  addParsedOption(app, "--spacing", options.spacing, parseSpacing, "X,Y,Z",
-                  "Distances between voxels in the units of the world, in place of what the input "
-                  "says or lacks");
-  addParsedOption(
-      app, "--origin", options.origin, parsePoint, "X,Y,Z",
-      "Place of the first voxel in the world, instead of the input's own or missing one");
+  const auto behindUnit = [](auto parse, std::string& unit) {
+    return [parse, &unit](std::string text) {
+      unit = takeUnitName(text);
+      return parse(text);
+    };
+  };
+  addParsedOption(app, "--spacing", options.spacing, behindUnit(parseSpacing, options.spacing_unit),
+                  "X,Y,Z[mm]", kSpacingHelp);
+  addParsedOption(app, "--origin", options.origin, behindUnit(parsePoint, options.origin_unit),
+                  "X,Y,Z[mm]", kOriginHelp);
+  addParsedOption(app, "--input-unit", options.unit, parseLengthUnit, "UNIT", kInputUnitHelp);
   addParsedOption(
       app, "--label", options.derivation.label, parseLabel, "ID",
       "Take the indicator of a label instead: 1 where a voxel is this number, and 0 "
@@ -249,8 +242,7 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   options.image = input.image;
   options.component = input.component;
   options.series = input.series;
-  options.spacing = input.spacing;
-  options.origin = input.origin;
+  static_cast<GivenPlace&>(options) = input;
   if (input.raw_dims) {
     options.raw = input.raw;
     options.raw->voxels = *input.raw_dims;
@@ -309,6 +301,20 @@ std::string defaultOutputName(const std::string& input_path) {
 }
 
 void refuseUnfitInputOptions(const CLI::App& parser, const VolumeInfo& input) {
+  for (const SelectKey& key : kSelectKeys) {
+    const std::string option = fmt::format("--select {}", key.key);
+    if (key.choice == 0 || !wasGiven(parser, option)) continue;
+    std::string names;
+    bool fits = false;
+    for (const ReadableFormat& format : readableFormats())
+      if ((format.choices & key.choice) != 0) {
+        names += fmt::format("{}{}", names.empty() ? "" : ", ", format.name);
+        fits |= format.isOf(input.format);
+      }
+    if (!fits)
+      throw UsageError(fmt::format("{} is for {}, and '{}' is {}; leave it out", option, names,
+                                   input.source, input.format));
+  }
   refuseUnfit(parser, Side::kInput, input.source, input.format.c_str(),
               [&](std::string_view format) { return input.format.starts_with(format); });
 }

@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-struct InputOptions {
+struct InputOptions : GivenPlace {
   const CLI::App* parser = nullptr;  // of the words that the rest comes from
   std::string path;
   std::optional<Index3> raw_dims;  // given: the file has no header
@@ -23,7 +23,6 @@ struct InputOptions {
   bool all_times = false, all_channels = false;  // each of them; see jobsOfMembers()
   std::optional<ComponentChoice> component;
   std::string series;
-  std::optional<glm::dvec3> spacing, origin;
   bool keep_numbers = false;         // of types that pyramids do not hold
   std::optional<int> pyramid_level;  // given: pyramids are inputs too
   Derivation derivation;             // given: likewise, level 0 of them

@@ -56,7 +56,6 @@ void refuseForMeshes(const CLI::App& command, const QueryOptions& options,
        optionsBeside(command, {"FILE", "--iso", "--inside", "--output", "--force", "--json",
                                "--threads", "--memory", "--no-map"}))
     if (option->count() > 0) refuse(option->get_name());
-  if (command.count("--repeat") > 0) refuse("--repeat");  // hidden
   refuseReplacingFolder({output}, {options.input.path, options.input.pyramid}, force,
                         holdsPrecomputedMeshes);
 }

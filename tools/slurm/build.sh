@@ -21,6 +21,6 @@ esac
 mkdir -p "$out.logs"
 out=$(readlink -f "$out")
 array=$(submitShares isobrick-build "$out.logs" "$isobrick" build "$source" -o "$out" --part "%a/$shares" --resume "$@")
-last=$(submitLast isobrick-join "$out.logs" "$array" "$isobrick" build "$out" --join)
+last=$(submitLast isobrick-join "$out.logs" "$array" "$isobrick" merge "$out")
 echo "jobs $array (shares 1-$shares) and $last (the index); logs: $out.logs"
 waitFor "$out.logs" "$array" "$last"

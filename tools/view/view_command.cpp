@@ -18,8 +18,11 @@
 #include "isobrick/viewer/window/view_loop.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/json_output.h"
 #include "tools/outputs.h"
 #include "tools/parse_text.h"
+#include "tools/plain_text.h"
+#include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/region_options.h"
 #include "tools/shared_options.h"
@@ -37,19 +40,26 @@ struct ViewArguments {
   RegionOptions region;
   std::optional<double> preview_share;
   bool force = false;
+  bool json = false;
 };
+
+// The files that a script writes.
+std::vector<std::string> filesOfScript(const ViewOptions& options) {
+  std::vector<std::string> files;
+  if (!options.script_path.empty())
+    for (const ScriptStep& step : readViewScript(options.script_path).steps)
+      if (const auto* const file = std::get_if<ScriptFile>(&step))
+        files.push_back((std::filesystem::path(options.frames_folder) / file->name).string());
+  return files;
+}
 
 // All outputs of the words and the script; later outputs of the user get names of their own.
 void refuseReplacingOutputs(const ViewOptions& options, bool force) {
   const std::vector<std::string> inputs{options.path, options.script_path, options.state_path};
   if (!options.report_path.empty())
     refuseReplacing({options.report_path, "choose another --report"}, inputs, force);
-  if (options.script_path.empty()) return;
-  for (const ScriptStep& step : readViewScript(options.script_path).steps)
-    if (const auto* const file = std::get_if<ScriptFile>(&step))
-      refuseReplacing({(std::filesystem::path(options.frames_folder) / file->name).string(),
-                       "choose another folder with --out-dir"},
-                      inputs, force);
+  for (const std::string& file : filesOfScript(options))
+    refuseReplacing({file, "choose another folder with --out-dir"}, inputs, force);
 }
 
 // As many steps stay open as have room with all of their voxels.
@@ -102,7 +112,9 @@ void openFiles(ViewArguments& arguments) {
 
 int runViewCommand(ViewArguments& arguments) {
   ViewOptions& options = arguments.options;
+  const Stopwatch watch;
   options.remote = remoteOptions(arguments.input);
+  const std::vector<std::string> names = arguments.files;
   openFiles(arguments);
   refuseReplacingOutputs(options, arguments.force);
   if (!isVolume(options.path)) {  // of which another volume may be made, before there is a window
@@ -123,6 +135,18 @@ int runViewCommand(ViewArguments& arguments) {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                   static_cast<std::size_t>(options.threads) + 1);
   runView(options);
+  if (!arguments.json) return 0;
+  const auto orNull = [](const std::string& path) { return path.empty() ? Json() : Json(path); };
+  Json json = {{"volumes", Json::array()},
+               {"state", orNull(options.state_path)},
+               {"script", orNull(options.script_path)},
+               {"written", filesOfScript(options)},
+               {"report", orNull(options.report_path)},
+               {"seconds", watch.seconds()},
+               {"threads", options.threads},
+               {"peak_rss_bytes", peakResidentBytes()}};
+  for (const std::string& name : names) json["volumes"].push_back(withoutSecrets(name));
+  printJson(json);
   return 0;
 }
 
@@ -141,6 +165,9 @@ void addScriptOptions(CLI::App& app, ViewArguments& arguments) {
       ->type_name("R.json")
       ->needs(script);
   addForceFlag(app, arguments.force);
+  addJsonFlag(app, arguments.json)
+      ->description(
+          "At the end, print what was shown and what the script wrote as one JSON object");
   app.add_flag("--offscreen", options.offscreen, "Run the script without a window")->needs(script);
 }
 

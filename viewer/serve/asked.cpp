@@ -5,29 +5,14 @@
 #include <glm/common.hpp>
 #include <glm/gtc/type_ptr.hpp>
 
+#include "isobrick/storage/nesting.h"
+
 namespace isobrick {
 namespace {
 
-// Of brackets outside of strings.
-int depthOf(std::string_view text) {
-  int depth = 0, deepest = 0;
-  bool is_string = false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (c == '"') is_string = !is_string;
-    if (is_string && c == '\\') ++i;
-    if (is_string) continue;
-    if (c == '[' || c == '{') deepest = std::max(deepest, ++depth);
-    if (c == ']' || c == '}') --depth;
-  }
-  return deepest;
-}
-
-// Discarded if it is no JSON. Nothing that is asked for is nested deeply, and copies and texts of
-// values use the stack. A callback of the parser would refuse it as well, but takes time by the
-// square of a list's length.
+// Discarded if it is no JSON. Nothing that is asked for is nested deeply.
 nlohmann::json parsed(std::string_view text) {
-  require(depthOf(text) <= 16, 400, "brackets are nested more than 16 deep");
+  require(nestingDepth(text) <= 16, 400, "brackets are nested more than 16 deep");
   return nlohmann::json::parse(text, nullptr, false);
 }
 

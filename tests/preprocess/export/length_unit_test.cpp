@@ -12,8 +12,8 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/storage/length_scale.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"
 #include "tests/support/nifti_file.h"
@@ -371,6 +371,67 @@ TEST_F(LengthUnitTest, TiffsSayTheirUnitsInFourWays) {
       {0.00065, 0.0013, 0.002}, kMm);
 }
 
+TEST_F(LengthUnitTest, AGivenUnitReplacesTheInputsOwn) {
+  for (const char* name : {"unknown.mha", "mm.mha", "um.mha"})
+    writeSample(name,
+                name[0] == 'u' && name[1] == 'n' ? LengthUnit::kUnknown : LengthUnit::kMillimetre);
+  replace("um.mha", "DistanceUnits = mm", "DistanceUnits = um");
+  const auto infoOf = [&](const std::string& name, const auto& change) {
+    OpenOptions options;
+    change(options);
+    return openVolume(pathOf(name), options)->info();
+  };
+  const auto expectPlace = [](const VolumeInfo& info, const glm::dvec3& spacing,
+                              const glm::dvec3& origin) {
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(info.geometry.spacing[axis], spacing[axis], 1e-12 * spacing[axis]);
+      EXPECT_NEAR(info.geometry.origin[axis], origin[axis], 1e-12 * std::abs(origin[axis]));
+    }
+    EXPECT_EQ(info.geometry.unit, LengthUnit::kMillimetre);
+  };
+  const glm::dvec3 spacing(0.65, 1.3, 2), origin(-1000, 17.5, 400);
+  for (const char* name : {"unknown.mha", "mm.mha", "um.mha"}) {
+    SCOPED_TRACE(name);
+    for (const auto& [unit, scale] : {std::pair("um", 1e-3), {"nm", 1e-6}, {"inch", 25.4}}) {
+      const VolumeInfo info = infoOf(name, [&](OpenOptions& options) { options.unit = unit; });
+      expectPlace(info, scale * spacing, scale * origin);
+      EXPECT_CONTAINS(info.encoding, unit);
+      const bool is_same = name == "um.mha"s && unit == "um"s;
+      EXPECT_EQ(info.notes.back().find("the unit "s + unit + " was given") != std::string::npos,
+                !is_same);
+    }
+    // A spacing with a unit of its own leaves the origin as the input says it, if it says its unit.
+    const auto inNanometres = [](OpenOptions& options) {
+      options.spacing = {650, 1300, 2000};
+      options.spacing_unit = "nm";
+    };
+    expectPlace(infoOf(name, inNanometres), 1e-3 * spacing,
+                (name == "unknown.mha"s ? 1e-6
+                 : name == "um.mha"s    ? 1e-3
+                                        : 1.0) *
+                    origin);
+    EXPECT_CONTAINS(
+        errorOf([&] { infoOf(name, [](OpenOptions& options) { options.unit = "parsec"; }); }),
+        "no unit of length");
+  }
+  // In units of its own, and without one in the world's.
+  const auto given = [](OpenOptions& options) {
+    options.spacing = {1, 1, 1};
+    options.origin = {1, 2, 3};
+    options.origin_unit = "cm";
+    options.unit = "um";
+  };
+  expectPlace(infoOf("mm.mha", given), glm::dvec3(0.001), {10, 20, 30});
+  writeSample("a.vti", LengthUnit::kUnknown);
+  expectPlace(infoOf("a.vti", [](OpenOptions& options) { options.unit = "um"; }), 1e-3 * spacing,
+              1e-3 * origin);
+  writeSample("a.ome.zarr", LengthUnit::kMillimetre);
+  replace("a.ome.zarr/zarr.json", "\"millimeter\"", "\"micrometer\"");
+  EXPECT_CONTAINS(
+      errorOf([&] { infoOf("a.ome.zarr", [](OpenOptions& options) { options.unit = "um"; }); }),
+      "several units");
+}
+
 TEST_F(LengthUnitTest, TheNamesOfLengthsAreKnownHoweverTheyAreSpelt) {
   const auto scaleOf = [](const std::string& unit) {
     const auto scale = lengthScale(unit);
@@ -391,6 +452,7 @@ TEST_F(LengthUnitTest, TheNamesOfLengthsAreKnownHoweverTheyAreSpelt) {
   EXPECT_EQ(scaleOf("nm"), 1e-6);
   EXPECT_EQ(scaleOf("nanometer"), 1e-6);
   for (const char* name : {"in", "inch", "Inches"}) EXPECT_EQ(scaleOf(name), 25.4) << name;
+  for (const char* name : {"ft", "foot", "feet"}) EXPECT_EQ(scaleOf(name), 304.8) << name;
   for (const char* name : {"", " ", "pixel", "s", "second", "Mm", "mmm", "meterx", "code 7", "?"})
     EXPECT_EQ(scaleOf(name), 0) << name;
 }

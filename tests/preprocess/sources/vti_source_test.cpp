@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <lz4.h>
 #include <lzma.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <cstring>
@@ -502,6 +503,28 @@ TEST_F(VtiSourceTest, RefusesHostileBlocks) {
   EXPECT_CONTAINS(message({1, 210, 0, half.size()}, half), "damaged after 0 bytes");
   EXPECT_CONTAINS(message({2, 105, 0, half.size(), 9}, half + block.substr(0, 9)), "damaged after");
   EXPECT_CONTAINS(message({1, 210, 0, 9}, "not packed"), "damaged after 0 bytes");
+}
+
+TEST_F(VtiSourceTest, ABlockTakesNoMoreMemoryThanItsBytesCanBecome) {
+  VtiFrame frame;
+  for (std::string* const extent : {&frame.image, &frame.piece})
+    *extent =
+        std::string(extent == &frame.image ? "WholeExtent" : "Extent") + "='0 1023 0 1023 0 1023'";
+  VtiVariant v;
+  v.zlib = true;
+  constexpr std::uint64_t kBlock = std::uint64_t{1} << 30;
+  const std::string block = deflated(std::string(210, 'x'), false);
+  for (const std::uint64_t bytes : {std::uint64_t{block.size()}, std::uint64_t{1} << 30}) {
+    const std::string words = bytesOfValues(std::vector<std::uint64_t>{1, kBlock, 0, bytes});
+    const auto source = openVtiSource(write("a.vti", vtiBytes("UInt8", words + block, v, frame)));
+    std::vector<std::uint8_t> row(1024);
+    struct rusage before = {}, after = {};
+    getrusage(RUSAGE_SELF, &before);
+    EXPECT_CONTAINS(errorOf([&] { source->readRows(0, 1, row.data()); }),
+                    bytes == kBlock ? "cut short after 0" : "damaged after 0");
+    getrusage(RUSAGE_SELF, &after);
+    EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 64 * 1024) << "KiB";
+  }
 }
 
 TEST_F(VtiSourceTest, EveryPrefixIsAnErrorUntilTheVoxelsAreThere) {

@@ -1,5 +1,6 @@
 // Zarr stores whose files cannot be opened: only what is not there is the fill value.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cerrno>
 #include <cstring>
@@ -13,6 +14,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"
 #include "tests/support/open_faults.h"
+#include "tests/support/range_server.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick {
@@ -145,6 +147,25 @@ TEST_F(ZarrSourceTest, ASliceThatIsALinkToNowhereIsNotLeftOut) {
     linkToNowhere(folder + "/.#lock");  // of an editor
     readAll(*openVolume(folder));
   }
+}
+
+// Each chunk is a voxel, and all are missing.
+TEST_F(ZarrSourceTest, TinyChunksAreNotAllListedAhead) {
+  constexpr std::int64_t kEdge = 400;
+  fs::create_directory(pathOf("tiny.zarr"));
+  write("tiny.zarr/.zarray",
+        R"({"zarr_format": 2, "shape": [400, 400, 400], "chunks": [1, 1, 1], "dtype": "|u1",
+            "compressor": null, "fill_value": 7, "order": "C", "filters": null})");
+  const RangeServer server(folder_.string());
+  const auto source = openVolume(server.url("good/tiny.zarr"));
+  struct rusage before = {}, after = {};
+  getrusage(RUSAGE_SELF, &before);
+  source->announce(std::vector{IndexBox{Index3(0), Index3(kEdge)}, {Index3(1), Index3(kEdge - 1)}});
+  getrusage(RUSAGE_SELF, &after);
+  EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 64 * 1024) << "KiB";
+  std::uint8_t last = 0;
+  source->readBox({Index3(kEdge - 1), Index3(1)}, &last);
+  EXPECT_EQ(last, 7);
 }
 
 }  // namespace
