@@ -10,9 +10,10 @@ namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) {
   std::vector<Command> commands = {addBuildCommand(app), addConvertCommand(app),
-                                   addVolumeFormatsCommand(app), addExtractCommand(app)};
-  // People know it as a command of `isobrick`, which becomes this executable for volumes.
-  commands.back().parser->group("");
+                                   addVolumeFormatsCommand(app), addExtractCommand(app),
+                                   addVerifyCommand(app)};
+  // People know these as commands of `isobrick`, which becomes this executable for volumes.
+  for (const std::size_t known : {3, 4}) commands[known].parser->group("");
   return commands;
 }
 
