@@ -196,7 +196,14 @@ class Repair {
   }
 
   void mend(const TornFile& file, const std::optional<DividedFile>& divided) {
-    if (isLost() && mendFromSource(file, divided)) return;
+    const bool has_provenance = !provenanceOf(file).empty();
+    if (!has_provenance && torn_.spec().level0 != Level0Place::kStored) {
+      report_.losses.push_back(concat("'", file.path(),
+                                      "' is an index that has lost its provenance, and with it the "
+                                      "place of its finest level; build it again"));
+      return;
+    }
+    if ((isLost() || !has_provenance) && mendFromSource(file, divided)) return;
     if (!lost_) {
       report_.losses.push_back(concat("'", file.path(),
                                       "' has lost its brick table, and all bricks with it; name "

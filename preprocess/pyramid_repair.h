@@ -16,9 +16,9 @@ namespace isobrick {
 
 // How a pyramid is repaired.
 struct RepairOptions {
-  // Opens the volume that the pyramid was made of; asked if bricks of level 0 are damaged, for each
-  // file. `named` is its path or name in the provenance, "" if that is lost. Empty, or a null
-  // pointer: there is none. An Error becomes one of RepairReport::losses.
+  // Opens the volume that the pyramid was made of; asked if bricks of level 0 or the provenance are
+  // damaged, for each file. `named` is its path or name in the provenance, "" if that is lost.
+  // Empty, or a null pointer: there is none. An Error becomes one of RepairReport::losses.
   std::function<std::unique_ptr<VolumeSource>(const std::string& named)> open_source;
   std::uint64_t memory_bytes = std::uint64_t{1} << 30;  // as of BuildOptions
   std::string tool_version;                             // likewise

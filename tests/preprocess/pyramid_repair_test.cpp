@@ -162,6 +162,18 @@ TEST_P(Repair, TakesLevel0FromTheSource) {
   EXPECT_TRUE(isAsItWas());
 }
 
+TEST_P(Repair, MakesTheTextOfItsOriginAgainFromTheSourceAlone) {
+  const auto& [file, good] = *good_.begin();
+  for (const std::size_t from_end : {3u, 30u}) flip(file, good.size() - from_end);
+  const std::string bad = readBytes(file);
+  const RepairReport report = repairPyramid(path_, withSource());
+  EXPECT_EQ(report.losses.empty(), !GetParam().is_index);
+  if (GetParam().is_index)  // its place is in that text
+    EXPECT_TRUE(readBytes(file) == bad);
+  else
+    EXPECT_TRUE(isAsItWas());
+}
+
 TEST_P(Repair, RefusesAnotherSource) {
   if (GetParam().is_index) GTEST_SKIP() << "it has no level 0 of its own";
   const auto [file, at] = placeInLevel0();

@@ -68,6 +68,24 @@ TEST_F(RepairCommandTest, NamesWhatIsLost) {
   expectFailure(2, {"verify", "http://127.0.0.1:1/a.isb", "--repair", "auto"}, "--repair");
 }
 
+TEST_F(RepairCommandTest, KilledItLeavesTheOldFileOrTheNewOne) {
+  damage();
+  const std::string bad = readBytes(path("head.isb"));
+  for (const int milliseconds : {1, 10, 30, 60, 90, 120}) {
+    writeBytes(path("head.isb"), bad);
+    const pid_t pid = start({isobrickCommand(), "verify", "head.isb", "--repair", "head.nrrd"});
+    usleep(1000 * static_cast<useconds_t>(milliseconds));
+    kill(pid, SIGKILL);
+    wait(pid);
+    EXPECT_TRUE(isAsItWas() || readBytes(path("head.isb")) == bad);
+  }
+  runWell({"verify", "head.isb", "--repair", "head.nrrd"});
+  writeBytes(path("head.isb"), bad);
+  runWell({"verify", "head.isb", "--repair", "head.nrrd"});
+  EXPECT_TRUE(isAsItWas());
+  EXPECT_EQ(files(), (std::set<std::string>{"head.isb", "head.nrrd"}));
+}
+
 TEST_F(RepairCommandTest, DividedPyramids) {
   runWell({"build", "head.nrrd", "-o", "head.isbs", "--brick", "8", "--super-brick", "16"});
   const std::string file = path("head.isbs/1-0-0.isb"), good = readBytes(file),
