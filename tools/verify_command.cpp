@@ -159,22 +159,24 @@ Command addVerifyCommand(CLI::App& app) {
                   "Pyramid (.isb), also behind http://, https://, s3:// or gs://")
       ->type_name("PATH")
       ->required();
-  sub->add_option(
-         "--repair", arguments->repair.source.path,
-         "Put what is damaged right, to the bytes that it had: from the pyramid's own "
-         "finest level, and where that is damaged from SOURCE, the volume that it was "
-         "made of; auto: the one that it names, if that is there. The old file stays until "
-         "the new one is complete")
-      ->type_name("SOURCE");
-  addMemoryOption(*sub, arguments->repair.memory_bytes);
+  CLI::Option* const repair =
+      sub->add_option(
+             "--repair", arguments->repair.source.path,
+             "Put what is damaged right, to the bytes that it had: from the pyramid's own "
+             "finest level, and where that is damaged from SOURCE, the volume that it was "
+             "made of; auto: the one that it names, if that is there. The old file stays until "
+             "the new one is complete")
+          ->type_name("SOURCE");
+  addMemoryOption(*sub, arguments->repair.memory_bytes)->needs(repair);
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
   addJsonFlag(*sub, arguments->json);
   addVolumeOptions(*sub, arguments->repair.source);
+  sub->remove_option(findOption(*sub, "--mask-nan"));  // as the pyramid was built
+  findOption(*sub, "--cache-folder")->group(kRemoteGroup);
   for (CLI::Option* const option : sub->get_options())
     if (option->get_group() == kVolumeGroup || option->get_group() == kDerivationGroup)
-      option->group("How SOURCE is read");
-  sub->get_option("--cache-folder")->group(kRemoteGroup);
+      option->group("How SOURCE is read")->needs(repair);
   sub->footer(R"(
 Example:
   isobrick verify head.isb

@@ -65,6 +65,7 @@ TEST_F(RepairCommandTest, NamesWhatIsLost) {
     EXPECT_TRUE(readBytes(path("head.isb")) == bad);
   }
   expectFailure(1, {"verify", "none.isb", "--repair", "auto"}, "none.isb");
+  expectFailure(2, {"verify", "head.isb", "--spacing", "1,1,1"}, "--repair");
   expectFailure(2, {"verify", "http://127.0.0.1:1/a.isb", "--repair", "auto"}, "--repair");
 }
 
