@@ -116,7 +116,8 @@ template <typename T>
 class Build : LevelInput<T> {
  public:
   Build(VolumeSource& source, InputWatch& input, const std::string& path,
-        const BuildOptions& options, const std::optional<DividedFile>& file)
+        const BuildOptions& options, const std::optional<DividedFile>& file,
+        const std::string& provenance)
       : source_(source),
         input_(input),
         options_(options),
@@ -124,6 +125,7 @@ class Build : LevelInput<T> {
         spec_(pyramidSpecOf(source.info(), options)),
         not_finite_{storedNanAs(options, spec_.values), options.mask_nan},
         file_(file),
+        provenance_(provenance),
         region_(spec_, file_),
         previews_(makePreviews(source.info(), options)),
         plan_(makePlan()),
@@ -253,7 +255,8 @@ class Build : LevelInput<T> {
     summary.missing_voxels = counts_.missing;
     summary.voxel_range = levels_.voxelRange();
     summary.brick_ranges = closures_.all();
-    summary.provenance_json = provenanceText(source_, options_, identity_, counts_);
+    summary.provenance_json =
+        provenance_.empty() ? provenanceText(source_, options_, identity_, counts_) : provenance_;
     if (file_) {
       summary.division = handOverOf({options_.codec, summary.voxel_range}, *passed_on, statistics_);
     } else {
@@ -272,6 +275,7 @@ class Build : LevelInput<T> {
   const PyramidSpec spec_;
   const NotFinite not_finite_;             // with values as they are stored
   const std::optional<DividedFile> file_;  // of a divided pyramid
+  const std::string provenance_;           // empty: that of this build
   const BuildRegion region_;
   std::unique_ptr<PreviewMaker<T>> previews_;  // null: none are made
   const BuildPlan plan_;
@@ -339,14 +343,16 @@ BuildReport buildPyramid(VolumeSource& source, InputWatch& input, const std::str
 }
 
 BuildReport buildPyramidFile(VolumeSource& source, InputWatch& input, const std::string& path,
-                             const BuildOptions& options, const std::optional<DividedFile>& file) {
+                             const BuildOptions& options, const std::optional<DividedFile>& file,
+                             const std::string& provenance) {
   checkOptions(options);
   refuseInputAsTemporary(source, path);
   source.chooseVoxels(options.cancel, [&](double fraction) {
     if (options.progress) options.progress("values", fraction);
   });
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
-    return Build<typename decltype(tag)::Type>(source, input, path, options, file).run();
+    return Build<typename decltype(tag)::Type>(source, input, path, options, file, provenance)
+        .run();
   });
 }
 

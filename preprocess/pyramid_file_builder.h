@@ -12,8 +12,10 @@ namespace isobrick {
 // The facts of a pyramid that come from the volume and the options.
 PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options);
 
-// buildPyramid() for the file of a super-brick, if `file` is one.
+// buildPyramid() for the file of a super-brick, if `file` is one. `provenance`, unless it is empty,
+// takes the place of the text about this source and build.
 BuildReport buildPyramidFile(VolumeSource& source, InputWatch& input, const std::string& path,
-                             const BuildOptions& options, const std::optional<DividedFile>& file);
+                             const BuildOptions& options, const std::optional<DividedFile>& file,
+                             const std::string& provenance = {});
 
 }  // namespace isobrick

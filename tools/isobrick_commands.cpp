@@ -10,6 +10,7 @@
 #include "tools/command.h"
 #include "tools/extract_surface.h"
 #include "tools/own_folder.h"
+#include "tools/repair.h"
 #include "tools/volume_input.h"
 
 namespace isobrick {
@@ -87,6 +88,7 @@ void runExternalCommand(std::string_view name, char** argv) {
 }
 
 VolumeExtraction* volumeExtraction() { becomeExecutable("isobrick-build"); }
+PyramidRepair* pyramidRepair() { becomeExecutable("isobrick-build"); }
 
 PyramidJoin* pyramidJoin() { becomeExecutable("isobrick-build"); }
 

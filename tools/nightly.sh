@@ -16,6 +16,8 @@ part() {
   echo "${said[-1]}"
 }
 part rings tools/test.sh behaviour house-tests python asan-ubsan
+part every-byte env ISOBRICK_REPETITIONS=40000 build/release/tests/isobrick_storage_tests --gtest_filter='*EveryByte.IsFound*'
+part repair env ISOBRICK_REPETITIONS=1000 build/release/tests/isobrick_preprocess_tests --gtest_filter='*Repair.Gives*'
 part threads tools/test.sh tsan
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb

@@ -219,6 +219,29 @@ def test_errors_say_where(tmp_path: Path) -> None:
             isobrick.build(name, tmp_path / "p.isb")
 
 
+def test_damaged_bytes_are_errors_or_do_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "d.isb"
+    isobrick.build(ball(12, "uint16"), path)
+    good = path.read_bytes()
+    with isobrick.open(path) as pyramid:
+        right = pyramid.extract(100).points
+    errors = 0
+    for at in range(0, len(good), max(len(good) // 100, 1)):
+        for wrong in (good[at] ^ 1 << at % 8, good[at] ^ 0xFF, None):
+            end = b"" if wrong is None else bytes([wrong]) + good[at + 1 :]
+            path.write_bytes(good[:at] + end)
+            try:
+                with isobrick.open(path) as pyramid:
+                    assert pyramid.verify()
+                    points = pyramid.extract(100).points
+            except isobrick.Error as error:
+                errors += 1
+                assert "\n" not in str(error)
+            else:
+                assert np.array_equal(points, right)
+    assert errors > 100
+
+
 LEAKS = """
     import gc, os, sys, isobrick
     def kib():

@@ -5,6 +5,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
 #include <functional>
 #include <random>
@@ -14,6 +15,7 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/checksum.h"
 #include "tests/extract/random_case.h"
+#include "tests/support/byte_damage.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/hashing_sink.h"
@@ -174,17 +176,13 @@ TEST_F(MeshShareTest, ThereIsNoShareZero) {
 TEST_F(MeshShareTest, NoChangedOrMissingByteIsBelieved) {
   const std::vector<std::string> paths = shares(2);
   const std::string good = readBytes(paths[1]);
-  const std::size_t step = std::max<std::size_t>(1, good.size() / repetitions(3000));
-  for (std::size_t at = 0; at < good.size(); at += at < 400 ? 1 : step) {
-    std::string bad = good;
-    bad[at] = static_cast<char>(bad[at] ^ 0x10);
-    writeBytes(paths[1], bad);
-    ASSERT_NE(messageOf(paths), "") << "byte " << at;
-  }
-  for (std::size_t size = 0; size < good.size(); size += size < 400 ? 1 : 37 * step) {
-    writeBytes(paths[1], good.substr(0, size));
-    ASSERT_NE(messageOf(paths), "") << size << " bytes";
-  }
+  const auto expectRefused = [&](std::size_t number) {
+    writeBytes(paths[1], damaged(good, number));
+    ASSERT_NE(messageOf(paths), "") << "damage " << number;
+  };
+  for (std::size_t number = 0; number < 3 * 400; ++number) expectRefused(number);
+  const std::size_t tried = forSomeDamages(good, 3000, expectRefused);
+  std::printf("share of a mesh: %zu of %zu damages, all refused\n", tried, damageCount(good));
   writeBytes(paths[1], good + '\0');
   EXPECT_NE(messageOf(paths), "");
 }
