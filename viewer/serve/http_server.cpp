@@ -6,6 +6,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
 #include <memory>
+#include <new>
 #include <utility>
 
 #include "isobrick/storage/file_system.h"
@@ -35,8 +36,11 @@ class Server {
     listen();
   }
   ~Server() {
-    endStreams(state_);
-    if (!state_.folder.empty()) removeTree(state_.folder);
+    try {
+      endStreams(state_);
+      if (!state_.folder.empty()) removeTree(state_.folder);
+    } catch (const std::bad_alloc&) {  // it may be why the server ends
+    }
   }
 
   ServeSummary run() {
@@ -44,7 +48,8 @@ class Server {
     if (state_.options.on_ready) state_.options.on_ready(url());
     accept();
     tick();
-    state_.io.run();
+    while (!isOver()) {
+    }
     state_.counted.seconds = clockSeconds() - begin;
     return state_.counted;
   }
@@ -76,14 +81,28 @@ class Server {
     return begin + state_.options.base_path + "/#token=" + state_.access.key();
   }
 
+  // False if a request failed: its connection is gone, and all others go on, unless that fails too.
+  bool isOver() try {
+    state_.io.run();
+    return true;
+  } catch (const std::exception&) {
+    if (state_.stop.requested()) return true;
+    if (!accepts_) accept();
+    if (!ticks_) tick();
+    return false;
+  }
+
   void accept() {
     acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
+      accepts_ = false;
       if (error == asio::error::operation_aborted) return;
       if (error) {  // no descriptor is left, perhaps
         pause_.expires_after(std::chrono::milliseconds(100));
         pause_.async_wait([this](boost::system::error_code stopped) {
+          accepts_ = false;
           if (!stopped) accept();
         });
+        accepts_ = true;
         return;
       }
       if (state_.connections < kMostConnections) {
@@ -92,15 +111,18 @@ class Server {
       }
       accept();
     });
+    accepts_ = true;
   }
 
   void tick() {
+    ticks_ = false;
     state_.volumes.update();
     if (state_.options.cancel != nullptr && state_.options.cancel->requested()) return close();
     tick_.expires_after(std::chrono::milliseconds(50));
     tick_.async_wait([this](boost::system::error_code error) {
       if (!error) tick();
     });
+    ticks_ = true;
   }
 
   // Clients get word; who does not answer soon is left.
@@ -109,15 +131,16 @@ class Server {
     boost::system::error_code ignored;
     acceptor_.close(ignored);
     pause_.cancel();
-    closeStreams(state_);
     tick_.expires_after(std::chrono::milliseconds(300));
     tick_.async_wait([this](boost::system::error_code) { state_.io.stop(); });
+    closeStreams(state_);
   }
 
   ServerState state_;
   tcp::acceptor acceptor_;
   std::string own_host_;
   asio::steady_timer tick_, pause_;
+  bool accepts_ = false, ticks_ = false;  // it waits for a connection, for the next tick
 };
 
 }  // namespace

@@ -60,7 +60,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     pause_.cancel();
     beast::get_lowest_layer(socket_).close();
     state_.clients.erase(this);
-    asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
+    try {
+      asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
+    } catch (const std::exception&) {  // it ended at once, and all waited for that
+    }
   }
 
   void start(const HttpRequest& request) {
@@ -76,8 +79,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     socket_.async_accept(request, [self = shared_from_this()](StreamError error) {
       if (error) return self->end();
       ++self->state_.counted.clients;
-      self->read();
-      self->awaitVolume();
+      self->orEnd([&] {
+        self->read();
+        self->awaitVolume();
+      });
     });
   }
 
@@ -121,10 +126,15 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     const auto is_told = std::make_shared<std::atomic<bool>>(false);
     const auto on_news = [self = weak_from_this(), is_told, &io = state_.io] {
       if (is_told->exchange(true)) return;
-      asio::post(io, [self, is_told] {
-        is_told->store(false);
-        if (const auto connection = self.lock()) connection->update();
-      });
+      try {
+        asio::post(io, [self, is_told] {
+          is_told->store(false);
+          if (const auto connection = self.lock()) connection->update();
+        });
+      } catch (const std::exception&) {
+        is_told->store(false);  // the next word is to go
+        throw;
+      }
     };
     session_ = std::make_shared<SurfaceSession>(opened, state_.options.threads, *this, on_news);
     sendTyped("volume", state_.volumes.factsOf(volume_));
@@ -134,13 +144,23 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
   }
 
   void fail(const std::string& error) {
-    sendTyped("error", {{"error", error}});
-    close(websocket::close_code::internal_error, error);
+    orEnd([&] {
+      sendTyped("error", {{"error", error}});
+      close(websocket::close_code::internal_error, error);
+    });
+  }
+
+  // A client that something cannot be done for would wait for ever.
+  template <typename What>
+  void orEnd(const What& what) try {
+    what();
+  } catch (const std::exception&) {
+    end();
   }
 
   void read() {
     socket_.async_read(buffer_, [self = shared_from_this()](StreamError error, std::size_t) {
-      self->onRead(error);
+      self->orEnd([&] { self->onRead(error); });
     });
   }
 
@@ -187,7 +207,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
   void after(double seconds, What what) {
     timer_.expires_after(std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds)));
     timer_.async_wait([self = shared_from_this(), what](StreamError stopped) {
-      if (!stopped) what(*self);
+      if (!stopped) self->orEnd([&] { what(*self); });
     });
   }
 
@@ -198,22 +218,27 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void send(Message message) {
     if (ended_) return;
-    if (messages_.size() >= kMostMessages) {
-      closing_ = true;
-      return beast::get_lowest_layer(socket_).close();  // and the write under way says so
-    }
+    if (messages_.size() >= kMostMessages) return breakOff();
     on_the_way_ += message.bytes.size();
     messages_.push_back(std::move(message));
     if (messages_.size() == 1) write();
   }
 
-  void write() {
+  // The read under way says so.
+  void breakOff() {
+    closing_ = true;
+    beast::get_lowest_layer(socket_).close();
+  }
+
+  void write() try {
     const Message& message = messages_.front();
     socket_.binary(message.is_binary);
     socket_.async_write(asio::buffer(message.bytes.data(), message.bytes.size()),
                         [self = shared_from_this()](StreamError error, std::size_t bytes) {
-                          self->onWritten(error, bytes);
+                          self->orEnd([&] { self->onWritten(error, bytes); });
                         });
+  } catch (const std::exception&) {  // beast takes no other message after that
+    breakOff();
   }
 
   void onWritten(StreamError error, std::size_t bytes) {

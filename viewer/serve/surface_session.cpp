@@ -86,8 +86,10 @@ ClientChunks::Change ClientChunks::show(std::vector<ChunkId> shown) {
 }
 
 std::vector<ChunkId> ClientChunks::takeDropped() {
-  std::sort(dropped_.begin(), dropped_.end());
-  return std::exchange(dropped_, {});
+  std::vector<ChunkId> taken = dropped_;
+  dropped_.clear();  // its room stays, for release()
+  std::sort(taken.begin(), taken.end());
+  return taken;
 }
 
 SurfaceSession::SurfaceSession(std::shared_ptr<const OpenedVolume> opened, int threads,
