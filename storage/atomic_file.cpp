@@ -80,6 +80,7 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
     }
     if (empty && ftruncate(fd, 0) != 0) {
       const int error = errno;
+      unlink(temporary_path.c_str());
       close(fd);
       failWriting(path, error);
     }
@@ -101,6 +102,12 @@ std::string folderOf(const std::string& path) {
   const std::size_t slash = path.find_last_of('/');
   if (slash == std::string::npos) return ".";
   return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+int syncFolderOf(const std::string& path) {
+  const OpenDescriptor folder(open(folderOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder.get() < 0 || fsync(folder.get()) == 0) return 0;
+  return errno == EINVAL || errno == ENOTSUP ? 0 : errno;
 }
 
 AtomicFile::AtomicFile(const std::string& path, Leftover leftover, const char* temporary_ending)
@@ -217,13 +224,7 @@ void AtomicFile::commit(const CancelFlag* cancel) {
   const int fd = fd_;
   fd_ = -1;
   ::close(fd);
-  const int folder = open(folderOf(path_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder < 0) return;  // a folder that may be written but not read; the rename itself is done
-  const int result = fsync(folder);
-  const int error = errno;
-  ::close(folder);
-  // Some file systems cannot sync folders; the rename is as durable there as it gets.
-  if (result != 0 && error != EINVAL && error != ENOTSUP)
+  if (const int error = syncFolderOf(path_))
     throw Error("'" + path_ + "' is complete, but its folder could not be made durable: " +
                     std::strerror(error) + "; check the disk",
                 {.path = path_});

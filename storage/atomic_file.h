@@ -26,6 +26,10 @@ inline constexpr char kTemporaryEnding[] = ".isobrick.partial";
 // The folder of the file: "." for a name alone.
 std::string folderOf(const std::string& path);
 
+// Waits until the names in that folder are on the disk. Returns the errno of a failure, 0 also if
+// the folder may not be read or its file system cannot do that.
+int syncFolderOf(const std::string& path);
+
 // Writes to "<path>.isobrick.partial" in the same folder; commit() makes the bytes durable and
 // gives them their name, replacing an older file in one step. An AtomicFile that is destroyed
 // without commit() removes its temporary file, so a failed or cancelled run leaves nothing behind,

@@ -227,7 +227,6 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
     brick_table_[good] = entries[good].row;
     end_ = entries[good].end;
   }
-  if (good == 0 && journal->has_more) refuseToBeginAnew();
   entries.resize(good);
   bricks_written_ = bricks_resumed_ = good;
   return std::move(entries);

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
@@ -69,7 +70,6 @@ std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path)
   for (at = expected.size();
        readAt(at, &entry, sizeof entry) && entry.checksum == checksumOf(entry); at += sizeof entry)
     content.entries.push_back(entry);
-  content.has_more = readAt(at, &entry, sizeof entry);
   return content;
 }
 
@@ -78,7 +78,8 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
     : path_(path),
       file_(open((path + ".new").c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW,
                  0666)) {
-  // A new file takes the place of the old one in one step: a kill between leaves one of them.
+  // A new file takes the place of the old one in one step: a kill, or a loss of power, between
+  // leaves one of them.
   const std::string fresh = path + ".new";
   if (file_.get() < 0)
     throw ResumableError("cannot write '" + fresh + "': " + std::strerror(errno) +
@@ -88,9 +89,12 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
     const std::string header = headerOf(identity);
     writeAll(header.data(), header.size());
     writeAll(entries.data(), entries.size() * sizeof(JournalEntry));
-    if (std::rename(fresh.c_str(), path.c_str()) != 0)
+    int error = 0;
+    if (fsync(file_.get()) != 0 || std::rename(fresh.c_str(), path.c_str()) != 0) error = errno;
+    if (error == 0) error = syncFolderOf(path);
+    if (error != 0)
       throw ResumableError(
-          "cannot write '" + path + "': " + std::strerror(errno) + "; check the folder",
+          "cannot write '" + path + "': " + std::strerror(error) + "; check the folder",
           {.path = path});
   } catch (...) {
     unlink(fresh.c_str());

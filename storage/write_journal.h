@@ -30,12 +30,13 @@ class WriteJournal {
   struct Content {
     std::string identity;
     std::vector<JournalEntry> entries;  // up to the first that is damaged
-    bool has_more = false;              // whole ones follow, that one among them
   };
   // Nothing if there is no journal, or none that can be read. Never throws for its content.
   static std::optional<Content> read(const std::string& path);
 
-  // Begins a journal with `entries`, replacing an older one.
+  // Begins a journal with `entries`, replacing an older one. It is on the disk when this returns:
+  // after a loss of power there is one beside all that is written from here on, and its identity is
+  // whole. What is added later may be lost or torn.
   WriteJournal(const std::string& path, const std::string& identity,
                const std::vector<JournalEntry>& entries);
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, fresh machines of
-# both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
+# All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, two hours of
+# everything at once, fresh machines of both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
 #   tools/nightly.sh
 # Needs root and debootstrap for the fresh machines.
 set -euo pipefail
@@ -19,6 +19,7 @@ part rings tools/test.sh behaviour house-tests python asan-ubsan
 part every-byte env ISOBRICK_REPETITIONS=40000 build/release/tests/isobrick_storage_tests --gtest_filter='*EveryByte.IsFound*'
 part repair env ISOBRICK_REPETITIONS=1000 build/release/tests/isobrick_preprocess_tests --gtest_filter='*Repair.Gives*'
 part threads tools/test.sh tsan
+part soak tests/house/soak.sh
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb
 part arm64 tests/house/arm64.sh build/nightly/arm64 build/release

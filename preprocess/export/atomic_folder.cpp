@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
+#include <utility>
 
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
@@ -46,7 +47,7 @@ AtomicFolder::AtomicFolder(const std::string& path)
   if (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     ::close(fd_);
     fd_ = -1;
-    throw unwritable(path_, "another process is writing '", temporary_path_,
+    throw unwritable(path_, "another process is writing '", temporaryPath(),
                      "'; wait for it or choose another name");
   }
   visitFolder(temporary_path_, [](const FolderMember& left) {
@@ -62,13 +63,13 @@ AtomicFolder::~AtomicFolder() {
 }
 
 void AtomicFolder::makeFolder(const std::string& name) {
-  const std::error_code error = makeFolders(fs::path(temporary_path_) / name);
+  const std::error_code error = makeFolders(temporary_path_ / name);
   if (error) failWriting(path_, error.value());
 }
 
 AtomicFolder::File::File(const AtomicFolder& folder, const std::string& name)
     : folder_(folder),
-      file_(open((folder.temporary_path_ + "/" + name).c_str(),
+      file_(open((folder.temporaryPath() + "/" + name).c_str(),
                  O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
   if (file_.get() < 0) failWriting(folder_.path_, errno);
 }
@@ -90,7 +91,7 @@ void AtomicFolder::writeFile(const std::string& name, const void* data, std::siz
 
 void AtomicFolder::takeFile(const fs::path& from, const fs::path& name) {
   makeFolder(name.parent_path().string());
-  const std::error_code error = linkOrCopyFile(from, fs::path(temporary_path_) / name);
+  const std::error_code error = linkOrCopyFile(from, temporary_path_ / name);
   if (error) failWriting(path_, error.value());
 }
 
@@ -106,12 +107,11 @@ void AtomicFolder::commit(const CancelFlag* cancel) {
         renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0;
     if (!is_exchanged) failWriting(path_, errno);
   }
-  if (is_exchanged) {
-    removeTree(temporary_path_);
-  }
-  syncfs(fd_);  // the name
-  ::close(fd_);
-  fd_ = -1;
+  ::close(std::exchange(fd_, -1));
+  const int error = syncFolderOf(path_);
+  // Only now: before, a loss of power could bring the old folder back, with some of it removed.
+  if (is_exchanged) removeTree(temporary_path_);
+  if (error != 0) failWriting(path_, error);
 }
 
 }  // namespace isobrick

@@ -20,7 +20,7 @@ class AtomicFolder {
   AtomicFolder(const AtomicFolder&) = delete;
   AtomicFolder& operator=(const AtomicFolder&) = delete;
 
-  const std::string& temporaryPath() const { return temporary_path_; }
+  const std::string& temporaryPath() const { return temporary_path_.native(); }
 
   // Makes a folder in it, and those above.
   void makeFolder(const std::string& name);
@@ -52,8 +52,8 @@ class AtomicFolder {
   AtomicFolder(const std::string& path, const std::string& temporary_path);
 
   std::string path_;
-  std::string temporary_path_;
-  int fd_ = -1;  // of the temporary folder, locked
+  std::filesystem::path temporary_path_;  // no text, so that to remove it takes no memory
+  int fd_ = -1;                           // of the temporary folder, locked
 };
 
 }  // namespace isobrick

@@ -9,7 +9,9 @@
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -187,6 +189,11 @@ class Soak : public testing::Test {
     close(fd);
   }
 
+  // Descriptors ("fd") or threads ("task") of this process.
+  static std::ptrdiff_t held(const char* what) {
+    const std::filesystem::directory_iterator all(std::string("/proc/self/") + what);
+    return std::distance(begin(all), end(all));
+  }
   static std::uint64_t residentBytes() {
     std::uint64_t pages = 0;
     std::ifstream("/proc/self/statm") >> pages >> pages;
@@ -216,17 +223,23 @@ TEST_F(Soak, QueriesCancelsAndFaultsGoOnWithoutGrowth) {
   // Once what stays from query to query has come.
   std::this_thread::sleep_until(begin + (end_ - begin) / 2);
   const std::uint64_t half_way = residentBytes();
+  const std::ptrdiff_t files_half_way = held("fd"), threads_half_way = held("task");
   std::this_thread::sleep_until(end_);
   const std::uint64_t at_end = residentBytes();
+  const std::ptrdiff_t files_at_end = held("fd"), threads_at_end = held("task");
   for (std::thread& thread : threads) thread.join();
 
   for (const auto& [why, count] : faults_) ADD_FAILURE() << count << " times: " << why;
   std::printf(
-      "%lu meshes, %lu coarser progressive ones, %lu cancelled, %lu failed; %.1f MiB half way, "
-      "%.1f at "
-      "the end\n",
+      "%lu meshes, %lu coarser progressive ones, %lu cancelled, %lu failed; %.1f MiB, %td "
+      "descriptors and %td threads half way, %.1f MiB, %td and %td at the end\n",
       whole_.load(), partial_.load(), cancelled_.load(), failed_.load(),
-      static_cast<double>(half_way) / 0x1p20, static_cast<double>(at_end) / 0x1p20);
+      static_cast<double>(half_way) / 0x1p20, files_half_way, threads_half_way,
+      static_cast<double>(at_end) / 0x1p20, files_at_end, threads_at_end);
+  // One or the other is opened just then, and some threads come with their first work.
+  EXPECT_LE(files_at_end, files_half_way + 8);
+  EXPECT_LE(threads_at_end, threads_half_way + 16);
+  EXPECT_EQ(folder_.names().size(), std::size(scenes_)) << "temporary files are left";
   EXPECT_GT(whole_, 0u);
   EXPECT_GT(partial_, 0u);
   EXPECT_GT(cancelled_, 0u);

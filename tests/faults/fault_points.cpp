@@ -35,7 +35,7 @@ void* __real_mmap(void* at, size_t bytes, int protection, int flags, int fd, off
 namespace isobrick::test {
 namespace {
 
-std::atomic<bool> g_is_armed{false}, g_has_happened{false}, g_strings_too{true};
+std::atomic<bool> g_is_armed{false}, g_has_happened{false}, g_strings_too{true}, g_for_good{false};
 std::atomic<FaultKind> g_kind{FaultKind::kAllocation};
 std::atomic<std::uint64_t> g_number{0};
 std::array<std::atomic<std::uint64_t>, std::size(kFaultKinds)> g_counts{};
@@ -90,16 +90,11 @@ bool isInAForeignDestructor() {
 bool failsNow(FaultKind kind) {
   if (!g_is_armed.load(std::memory_order_relaxed)) return false;
   const std::uint64_t number = ++g_counts[static_cast<std::size_t>(kind)];
-  if (g_kind.load() != kind || number != g_number.load()) return false;
+  const std::uint64_t first = g_number.load();
+  if (g_kind.load() != kind || first == 0 || number < first) return false;
+  if (number > first && !g_for_good.load()) return false;
   if (kind == FaultKind::kAllocation && isInAForeignDestructor()) return false;
   g_has_happened = true;
-  return true;
-}
-
-// With an error number.
-bool failsWith(FaultKind kind, int error) {
-  if (!failsNow(kind)) return false;
-  errno = error;
   return true;
 }
 
@@ -139,18 +134,25 @@ void giveBack(void* memory) {
 }  // namespace
 
 const char* nameOf(FaultKind kind) {
-  constexpr const char* kNames[] = {"alloc", "read", "open", "map", "thread"};
+  constexpr const char* kNames[] = {"alloc", "read", "open", "map", "thread", "write", "socket"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
-void armFault(FaultKind kind, std::uint64_t n, bool strings_too) {
+bool failsWith(FaultKind kind, int error) {
+  if (!failsNow(kind)) return false;
+  errno = error;
+  return true;
+}
+
+void armFault(FaultKind kind, std::uint64_t n, FaultScope scope) {
   if (g_own.end == 0) {
     dl_iterate_phdr(noteObject, nullptr);
     isInAForeignDestructor();  // what backtrace() loads, it loads here
   }
   for (auto& count : g_counts) count = 0;
   g_has_happened = false;
-  g_strings_too = strings_too;
+  g_strings_too = scope.strings_too;
+  g_for_good = scope.for_good;
   g_kind = kind;
   g_number = n;
   g_is_armed = true;

@@ -1,4 +1,5 @@
-// Calls to the system that fail when a test wants them to: the n-th from a moment on, once.
+// Calls to the system that fail when a test wants them to: the n-th from a moment on, once or for
+// good.
 //
 // Linked into an executable, whose own code it leads here: the linker's --wrap names the calls
 // (tests/CMakeLists.txt), operator new is replaced, and so is pthread_create(), which std::thread
@@ -14,15 +15,24 @@
 
 namespace isobrick::test {
 
-enum class FaultKind { kAllocation, kRead, kOpen, kMap, kThread };
-inline constexpr FaultKind kFaultKinds[] = {FaultKind::kAllocation, FaultKind::kRead,
-                                            FaultKind::kOpen, FaultKind::kMap, FaultKind::kThread};
-// "alloc", "read", "open", "map", "thread"
+// Writes are also what changes names and what waits for the disk; those and sockets are wrapped in
+// commands alone (isobrick_with_faults.cpp).
+enum class FaultKind { kAllocation, kRead, kOpen, kMap, kThread, kWrite, kSocket };
+inline constexpr FaultKind kFaultKinds[] = {
+    FaultKind::kAllocation, FaultKind::kRead,  FaultKind::kOpen,  FaultKind::kMap,
+    FaultKind::kThread,     FaultKind::kWrite, FaultKind::kSocket};
+// "alloc", "read", "open", "map", "thread", "write", "socket"
 const char* nameOf(FaultKind kind);
 
-// From here on all calls are counted, and the n-th of the kind fails: bad_alloc or nullptr, EIO,
-// EMFILE, ENOMEM, EAGAIN. 0: none.
-void armFault(FaultKind kind, std::uint64_t n, bool strings_too = true);
+// From here on all calls are counted, and the n-th of the kind fails (`for_good`: and all after
+// it): bad_alloc or nullptr, EIO, EMFILE, ENOMEM, EAGAIN, EIO, and EMFILE or ECONNRESET. 0: none.
+struct FaultScope {
+  bool strings_too = true;  // calls of the C++ library, too
+  bool for_good = false;
+};
+void armFault(FaultKind kind, std::uint64_t n, FaultScope scope = {});
+// Counts a call, and sets errno to `error` if it is one to fail.
+bool failsWith(FaultKind kind, int error);
 void disarmFaults();
 // Since the last armFault().
 std::uint64_t countedCalls(FaultKind kind);

@@ -9,5 +9,6 @@ std::string rangeServerScript() { return ISOBRICK_RANGE_SERVER; }
 std::string isobrickCommand() { return ISOBRICK_COMMAND; }
 std::string isobrickWithFaults() { return ISOBRICK_WITH_FAULTS; }
 std::string isobrickExtractWithFaults() { return ISOBRICK_EXTRACT_WITH_FAULTS; }
+std::string isobrickViewWithFaults() { return ISOBRICK_VIEW_WITH_FAULTS; }
 
 }  // namespace isobrick::test

@@ -20,5 +20,6 @@ std::string isobrickCommand();
 // The same with faults: tests/tools/isobrick_with_faults.cpp.
 std::string isobrickWithFaults();
 std::string isobrickExtractWithFaults();
+std::string isobrickViewWithFaults();
 
 }  // namespace isobrick::test

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/divided_pyramid.h"
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/share_number.h"
@@ -60,6 +61,7 @@ class OutputFolder {
           fmt::format("cannot make the folder '{}': {}; create the folder above it, or "
                       "choose another --out-dir",
                       path, std::strerror(errno)));
+    syncFolderOf(path);
   }
   ~OutputFolder() {
     if (is_ours_) removeName(path_);

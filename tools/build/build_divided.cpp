@@ -7,6 +7,7 @@
 
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/preprocess/super_brick_input.h"
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_division.h"
@@ -35,7 +36,7 @@ struct DividedResult {
 
 // Any process may make the folder first.
 void makeFolder(const std::string& folder) {
-  mkdir(folder.c_str(), 0777);
+  if (mkdir(folder.c_str(), 0777) == 0) syncFolderOf(folder);
   if (isPresent(folder) && !isFolder(folder))
     throw Error(
         fmt::format("'{}' is a file, and a pyramid of many files is a folder; choose another "
@@ -197,7 +198,7 @@ void printResult(const BuildJob& job, const BuildSettings& settings, const Divid
              result.up_to_date);
   if (result.replaced_voxels > 0)
     fmt::print("note: {} voxels that were not finite were replaced\n", result.replaced_voxels);
-  if (result.resumed > 0)
+  if (result.resumed > 0 || (settings.options.resume && result.built > 0))
     fmt::print("resumed: {} of {} bricks are of an earlier run\n", result.resumed, result.bricks);
   if (result.join) printJoin(job.output, *result.join);
   const double rate =

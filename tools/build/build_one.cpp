@@ -165,6 +165,8 @@ BuiltVolume openAndBuild(BuildJob job, BuildSettings settings) {
     return built;
   }
   built.skipped = is_up_to_date && !settings.rebuild;
+  const bool goes_on =
+      settings.options.resume && isPresent(job.output + std::string(kUnfinishedEnding));
   if (built.skipped)
     removeStrayJournal(job.output);
   else
@@ -172,6 +174,8 @@ BuiltVolume openAndBuild(BuildJob job, BuildSettings settings) {
   if (lock && !built.skipped) trimCache(settings.cache_folder, cache_bytes, job.output);
   built.volume = source->info();
   for (std::string& note : source->notesOfReading()) built.volume.notes.push_back(std::move(note));
+  if (goes_on && !built.skipped && built.report.bricks_resumed == 0)
+    built.volume.notes.push_back("no brick of the earlier run was whole: all are made anew");
   if (built.report.replaced_voxels > 0)
     built.volume.notes.push_back(fmt::format("{} voxels that were not finite became {}",
                                              built.report.replaced_voxels,

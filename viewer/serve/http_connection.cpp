@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string_view>
@@ -291,7 +292,9 @@ class HttpConnection : public ServedConnection {
     answer.fields.emplace_back(Field::cache_control, "private, no-cache");
     std::string folder = (temporaryFolder() / "isobrick-serve-XXXXXX").string();
     if (mkdtemp(folder.data()) == nullptr) throw Error("cannot make a folder for the surface");
-    const std::shared_ptr<void> end(nullptr, [folder](void*) { removeTree(folder); });
+    // A path, not a text: to remove it takes no memory.
+    const std::shared_ptr<void> end(
+        nullptr, [path = std::filesystem::path(folder)](void*) { removeTree(path); });
     const std::string path = folder + "/surface" + extension;
     const auto work = [&] {
       tbb::task_arena arena(state_.options.threads);

@@ -3,6 +3,7 @@
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/host_name.hpp>
 #include <exception>
+#include <new>
 
 #include "isobrick/viewer/serve/http_state.h"
 #include "isobrick/viewer/serve/page_files.h"
@@ -44,28 +45,45 @@ std::string listen(tcp::acceptor& acceptor, ServerState& state) try {
               "; choose another --listen or --port");
 }
 
-Task acceptConnections(tcp::acceptor& acceptor, ServerState& state) {
-  while (!state.stop.requested()) {
-    boost::system::error_code error;
-    tcp::socket socket =
-        co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
-    if (error) {  // no descriptor is left, perhaps
-      co_await pause(std::chrono::milliseconds(100));
-    } else if (state.connections.size() < kMostConnections) {
-      setSocketOptions(socket);
-      // The end of one, whatever the reason is, concerns no other.
-      asio::co_spawn(state.io, serveConnection(std::move(socket), state),
-                     [](const std::exception_ptr&) {});
+Task acceptOne(tcp::acceptor& acceptor, ServerState& state) {
+  boost::system::error_code error;
+  tcp::socket socket =
+      co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
+  if (error) {  // no descriptor is left, perhaps
+    co_await pause(std::chrono::milliseconds(100));
+  } else if (state.connections.size() < kMostConnections) {
+    setSocketOptions(socket);
+    // The end of one, whatever the reason is, concerns no other.
+    asio::co_spawn(state.io, serveConnection(std::move(socket), state),
+                   [](const std::exception_ptr&) {});
+  }
+}
+
+Task look(ServerState& state) {
+  state.volumes.update();
+  co_await pause(kBetweenLooks);
+}
+
+// Until `isOver`. What finds no memory is done again, once.
+template <typename IsOver, typename Step>
+Task repeat(IsOver isOver, Step step) {
+  bool has_failed = false;
+  while (!isOver()) {
+    try {
+      co_await step();
+      has_failed = false;
+    } catch (const std::bad_alloc&) {
+      if (std::exchange(has_failed, true)) throw;
     }
   }
 }
 
 // Until the server shall end. Clients get word; who does not answer soon is left.
 Task watch(tcp::acceptor& acceptor, ServerState& state) {
-  while (state.options.cancel == nullptr || !state.options.cancel->requested()) {
-    state.volumes.update();
-    co_await pause(kBetweenLooks);
-  }
+  const auto isOver = [&] {
+    return state.options.cancel != nullptr && state.options.cancel->requested();
+  };
+  co_await repeat(isOver, [&] { return look(state); });
   state.stop.request();
   acceptor.close();
   for (ServedConnection* const connection : state.connections) connection->leave();
@@ -88,12 +106,22 @@ ServeSummary runServer(ServeOptions options) {
   const double begin = clockSeconds();
   if (state.options.on_ready)
     state.options.on_ready(address + state.options.base_path + "/#token=" + state.access.key());
-  const auto fail = [](const std::exception_ptr& failure) {
-    if (failure) std::rethrow_exception(failure);
+  std::exception_ptr failure;
+  const auto fail = [&](const std::exception_ptr& why) {
+    if (!why) return;
+    failure = why;
+    state.io.stop();
   };
-  asio::co_spawn(state.io, acceptConnections(acceptor, state), fail);
+  const auto isOver = [&] { return state.stop.requested(); };
+  asio::co_spawn(state.io, repeat(isOver, [&] { return acceptOne(acceptor, state); }), fail);
   asio::co_spawn(state.io, watch(acceptor, state), fail);
-  state.io.run();
+  while (!state.io.stopped()) {
+    try {
+      state.io.run();
+    } catch (const std::bad_alloc&) {  // of what a connection did; it has ended
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
   state.counted.seconds = clockSeconds() - begin;
   return state.counted;
 }

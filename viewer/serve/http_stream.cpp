@@ -7,6 +7,7 @@
 #include <boost/beast/websocket.hpp>
 #include <deque>
 #include <exception>
+#include <new>
 #include <variant>
 
 #include "isobrick/viewer/serve/asked.h"
@@ -42,15 +43,22 @@ class StreamConnection : public ServedConnection,
         news_(state.io) {}
   ~StreamConnection() override { end(); }
 
-  void leave() override { close(websocket::close_code::going_away, "the server ends"); }
+  void leave() override try {
+    close(websocket::close_code::going_away, "the server ends");
+  } catch (const std::bad_alloc&) {
+    end();
+  }
 
   // The session's end may take a while.
   void end() override {
     closing_ = true;
     news_.cancel();
     beast::get_lowest_layer(socket_).close();
-    if (session_ != nullptr)
+    if (session_ == nullptr) return;
+    try {
       asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
+    } catch (const std::bad_alloc&) {  // it ended at once, and all waited for that
+    }
   }
 
   void start(HttpRequest request) {
@@ -138,10 +146,15 @@ class StreamConnection : public ServedConnection,
     const auto is_told = std::make_shared<std::atomic<bool>>(false);
     const auto on_news = [self = weak_from_this(), is_told, &io = state_.io] {
       if (is_told->exchange(true)) return;
-      asio::post(io, [self, is_told] {
-        is_told->store(false);
-        if (const auto connection = self.lock()) connection->news_.cancel();
-      });
+      try {
+        asio::post(io, [self, is_told] {
+          is_told->store(false);
+          if (const auto connection = self.lock()) connection->news_.cancel();
+        });
+      } catch (const std::bad_alloc&) {
+        is_told->store(false);  // the next word is to go
+        throw;
+      }
     };
     session_ =
         std::make_shared<SurfaceSession>(std::move(opened), state_.options.threads, *this, on_news);
@@ -173,22 +186,27 @@ class StreamConnection : public ServedConnection,
   }
 
   void send(Message message) {
-    if (messages_.size() >= kMostMessages) {
-      closing_ = true;
-      return beast::get_lowest_layer(socket_).close();  // and the write under way says so
-    }
+    if (messages_.size() >= kMostMessages) return breakOff();
     on_the_way_ += message.bytes.size();
     messages_.push_back(std::move(message));
     if (messages_.size() == 1) write();
   }
 
-  void write() {
+  // The read under way says so.
+  void breakOff() {
+    closing_ = true;
+    beast::get_lowest_layer(socket_).close();
+  }
+
+  void write() try {
     const Message& message = messages_.front();
     socket_.binary(message.is_binary);
     socket_.async_write(asio::buffer(message.bytes.data(), message.bytes.size()),
                         [self = shared_from_this()](SocketError error, std::size_t bytes) {
                           self->onWritten(error, bytes);
                         });
+  } catch (const std::bad_alloc&) {  // beast takes no other message after that
+    breakOff();
   }
 
   void onWritten(SocketError error, std::size_t bytes) {

@@ -113,8 +113,10 @@ std::optional<double> SurfaceSession::update() {
     numbers_.try_emplace(requests_.latestRequest(), wish_->number);
     is_new_ = false;
   }
-  if (!dropped_.empty())
-    line_.sendWord({{"type", "drop"}, {"drop", rangesOf(std::exchange(dropped_, {}))}});
+  if (!dropped_.empty()) {
+    line_.sendWord({{"type", "drop"}, {"drop", rangesOf(dropped_)}});
+    dropped_.clear();  // its room stays, for release()
+  }
   tellState();
   if (allowance.isSpent()) return 0.0;
   constexpr double kFrame = 1.0 / 60;  // the pace goes by the time, too

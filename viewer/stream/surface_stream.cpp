@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <new>
 #include <utility>
 
 #include "isobrick/extract/color_map.h"
@@ -168,7 +169,10 @@ void SurfaceStream::lose(std::uint64_t request) {
     if (waiting_) waiting_->request.may_reuse = false;
     done_.clear();
   }
-  tell();
+  try {
+    tell();
+  } catch (const std::bad_alloc&) {  // whoever asks next finds it
+  }
 }
 
 // With the lock.

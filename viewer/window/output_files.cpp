@@ -297,6 +297,8 @@ void OutputFiles::writePicture(const std::string& path, const Sight& sight, bool
   if (sight.session == nullptr) {
     writeImage(path, sight.target.renderer().picture());
   } else {
+    const std::string failure = sight.session->status().error;
+    if (must_be && !failure.empty()) throw Error(failure);
     const int width = std::min(sight.state.pictures.times * sight.width, kMostPictureSide);
     const int height = std::min(sight.state.pictures.times * sight.height, kMostPictureSide);
     if (std::int64_t{width} * height > kMostAtOnce || !sight.session->showsTheSameAt(height))

@@ -209,6 +209,7 @@ class ViewLoop {
       first_view_.reset();
     }
     files_.takeDone();
+    if (player_ && !files_.meshError().empty()) throw Error(files_.meshError());
     const std::string& failure = draw_error_.empty() ? files_.meshError() : draw_error_;
     addWishes(panel_->build(
                   session(),
