@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/state/nesting.h"
 
 namespace isobrick {
 namespace {
@@ -18,27 +19,9 @@ using AskedJson = nlohmann::json;
   throw Error(std::string("'") + name + "' is not " + what);
 }
 
-// Of brackets outside of strings.
-int depthOf(std::string_view text) {
-  int depth = 0, deepest = 0;
-  bool is_string = false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    const char c = text[i];
-    if (c == '"') is_string = !is_string;
-    if (is_string && c == '\\') ++i;
-    if (is_string) continue;
-    if (c == '[' || c == '{') deepest = std::max(deepest, ++depth);
-    if (c == ']' || c == '}') --depth;
-  }
-  return deepest;
-}
-
-// Discarded if it is no JSON. Nothing that is asked for is nested deeply, and copies and texts of
-// values use the stack. A callback of the parser would refuse it as well, but takes time by the
-// square of a list's length.
+// Discarded if it is no JSON.
 AskedJson parsed(std::string_view text) {
-  constexpr int kMostDepth = 16;
-  if (depthOf(text) > kMostDepth) throw Error("brackets are nested more than 16 deep");
+  if (isNestedTooDeep(text)) throw Error("brackets are nested more than 16 deep");
   return AskedJson::parse(text, nullptr, false);
 }
 

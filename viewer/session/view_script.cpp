@@ -9,6 +9,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/state/interaction.h"
+#include "isobrick/viewer/state/nesting.h"
 #include "isobrick/viewer/state/view_file.h"
 
 namespace isobrick {
@@ -276,6 +277,7 @@ class StepReader {
 }  // namespace
 
 ViewScript viewScriptFromJson(const std::string& text) {
+  if (isNestedTooDeep(text)) throw Error("the script is nested more than 16 deep");
   const Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the script is not JSON");
   if (!json.is_object() || !json.contains("steps") || !json["steps"].is_array())

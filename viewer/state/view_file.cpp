@@ -15,6 +15,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
+#include "isobrick/viewer/state/nesting.h"
 
 namespace isobrick {
 
@@ -250,6 +251,7 @@ std::string textOf(const OrderedJson& json) {
 }
 
 OrderedJson parsed(const std::string& text) {
+  if (isNestedTooDeep(text)) throw Error("the view is nested more than 16 deep");
   OrderedJson json = OrderedJson::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
   return json;
