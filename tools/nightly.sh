@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, fresh machines of
-# both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
+# All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, an
+# hour of fuzzing for each group (tests/fuzz), fresh machines of both suites of Debian, and arm64. Goes on after a
+# failure, and ends with a line for each.
 #   tools/nightly.sh
 # Needs root and debootstrap for the fresh machines.
 set -euo pipefail
@@ -17,6 +18,7 @@ part() {
 }
 part rings tools/test.sh behaviour house-tests python asan-ubsan
 part threads tools/test.sh tsan
+part fuzz bash -c 'cmake --preset fuzz && cmake --build --preset fuzz -j2 && tests/fuzz/run.sh all 60'
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb
 part arm64 tests/house/arm64.sh build/nightly/arm64 build/release
