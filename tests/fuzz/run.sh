@@ -70,7 +70,7 @@ for group in $groups; do
         -rss_limit_mb=2048 -malloc_limit_mb=1024 -use_value_profile=1 -dict="$tree/tests/fuzz/words.dict" \
         -artifact_prefix="$folder/findings/$name-" "$folder/corpus/$name" "$corpus/$name" >"$folder/log.$name" 2>&1; } 2>&1) ||
         is_sound=
-      used=$(awk '{ printf "%d", $1 + $2 + 1 }' <<<"$used")
+      used=$(awk '{ printf "%d", $1 + $2 + 0.5 }' <<<"$used")
       echo $(($(spent "$name") + used)) >"$folder/seconds.$name"
       left=$((left - used))
       [ -z "$is_sound" ] || continue
