@@ -363,8 +363,11 @@ class Seeds {
     writeView(made_.file("view.json"), view);
     seed("view", "saved", readBytes(made_.file("view.json")));
     seed("script", "steps",
-         R"({"size":[640,480],"steps":[{"wait":"settled"},{"sweep":"isovalue","from":1,"to":2,)"
-         R"("seconds":1},{"state":{"camera":{"distance":5}}},{"picture":"a.png"},{"wait":1}]})");
+         R"({"size":[300,200],"scale":1.75,"steps":[{"move":[12.25,40]},)"
+         R"({"press":"right","shift":true},{"wheel":[-2,0.5]},{"key_press":"PAD7"},{"text":"a"},)"
+         R"({"resize":[5,6]},{"open":"/a.nrrd"},{"wait":0.25},{"wait":"settled"},)"
+         R"({"sweep":{"isovalue":[500,1250],"seconds":2}},{"set":{"focus":{"radius":20}}},)"
+         R"({"turntable":{"frames":4,"name":"turn"}},{"click":[1,2]},{"picture":"a.png"}]})");
     int number = 0;
     for (const char* const text : {"1,2.5,-3", "256MiB", "3/8", "85x60mm", "#12abEF", "red",
                                    "75,30,75mm", "1e300", "0,0,0,9,9,9"})
