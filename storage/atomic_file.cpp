@@ -56,9 +56,15 @@ bool namesOpenFile(const std::string& path, int fd) {
 // Opens and locks the temporary file, and empties it if `empty`. The lock distinguishes a leftover
 // of a killed process from the file of a living one. Between open and lock the other process may
 // have published the file; then this one must not empty it, and the next round makes a new one.
-int openTemporary(const std::string& path, const std::string& temporary_path, bool empty) {
+// Others who may write to the folder know the name too: what they put there is not used.
+int openTemporary(const std::string& path, const std::string& temporary_path, bool empty,
+                  mode_t mode) {
+  constexpr int kFlags = O_RDWR | O_CLOEXEC | O_NOFOLLOW;
   for (;;) {
-    const int fd = open(temporary_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    int fd = open(temporary_path.c_str(), kFlags | O_CREAT | O_EXCL, mode);
+    const bool is_left = fd < 0 && errno == EEXIST;
+    if (is_left) fd = open(temporary_path.c_str(), kFlags);
+    if (is_left && fd < 0 && errno == ENOENT) continue;
     if (fd < 0) failWriting(path, errno);
     struct stat status = {};
     if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode)) {  // a pipe or a device of that name
@@ -77,6 +83,13 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
     if (!namesOpenFile(temporary_path, fd)) {
       close(fd);
       continue;
+    }
+    if (is_left && (status.st_uid != geteuid() || status.st_nlink != 1)) {
+      close(fd);
+      throw Error("cannot write '" + path + "': '" + temporary_path +
+                      "' is another user's file or has a second name; move it away or choose "
+                      "another name",
+                  {.path = path});
     }
     if (empty && ftruncate(fd, 0) != 0) {
       const int error = errno;
@@ -115,14 +128,18 @@ AtomicFile::AtomicFile(const std::string& path, Leftover leftover, const char* t
   // Renaming over a device or a folder would destroy it or fail after all the work.
   struct stat status = {};
   if (path.empty() || path.back() == '/') failWriting(path, EISDIR);
-  if (stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+  const bool is_there = stat(path.c_str(), &status) == 0;
+  if (is_there && !S_ISREG(status.st_mode)) {
     if (S_ISDIR(status.st_mode)) failWriting(path, EISDIR);
     throw Error("cannot write '" + path +
                     "': it exists and is not a regular file; choose another "
                     "name",
                 {.path = path});
   }
-  fd_ = openTemporary(path_, temporary_path_, leftover == Leftover::kEmpty);
+  // A file that takes the place of another one is for the same people.
+  const mode_t mode = is_there ? (status.st_mode & 0777) | 0600 : 0666;
+  fd_ = openTemporary(path_, temporary_path_, leftover == Leftover::kEmpty, mode);
+  if (is_there) fchmod(fd_, mode);
 }
 
 AtomicFile::~AtomicFile() { close(); }

@@ -34,7 +34,8 @@ int syncFolderOf(const std::string& path);
 // gives them their name, replacing an older file in one step. An AtomicFile that is destroyed
 // without commit() removes its temporary file, so a failed or cancelled run leaves nothing behind,
 // unless keepTemporary(true) was called. A temporary file that a killed process left is taken over;
-// one that a living process writes is refused.
+// one that a living process writes is refused, and so is another user's, a link and what is no
+// file. A file that replaces another one has its permissions.
 //
 // Failures that can pass (no space, ...) throw ResumableError, others Error, with the path, the
 // reason and what to do. Nothing is buffered: pass blocks of some 64 KiB or more. pwrite() may be

@@ -244,7 +244,8 @@ BrickIndex::Corrections BrickIndex::correctionsOf(std::size_t file) const {
   bool is_sound = false;
   try {
     file_.read(entry.offset, stored.size(), stored.data());
-    is_sound = stored.empty() || checksum64(stored.data(), stored.size()) == entry.checksum;
+    is_sound =
+        stored.empty() || isChecksum(checksum64(stored.data(), stored.size()), entry.checksum);
   } catch (const ReadFailure& failure) {
     fault = failure.what();
   }
@@ -294,7 +295,7 @@ void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
   std::uint64_t stated = 0;
   std::memcpy(&stated, bytes + row_bytes_ - sizeof stated, sizeof stated);
   const Place place = placeOf(number);
-  if (checksum64(bytes, row_bytes_ - sizeof stated, place.row) != stated)
+  if (!isChecksum(checksum64(bytes, row_bytes_ - sizeof stated, place.row), stated))
     fail(number, "is damaged");
   const std::uint64_t end = place.file == kOwn
                                 ? (division_ != nullptr ? division_->indexBytes() : file_.size())

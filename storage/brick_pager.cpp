@@ -327,7 +327,8 @@ void BrickPager::bringIn(Entry& entry, Room* room) {
 }
 
 void BrickPager::checkInPlace(const Part& part) const {
-  if (file_.checksum(part.offset, part.bytes) != part.checksum) throw ReadFailure(kWrongChecksum);
+  if (!isChecksum(file_.checksum(part.offset, part.bytes), part.checksum))
+    throw ReadFailure(kWrongChecksum);
 }
 
 void BrickPager::countSource() {
@@ -339,13 +340,13 @@ void BrickPager::readPart(const Part& part, std::byte* out) const {
   if (part.codec == format::Codec::kInSource) {
     source_->bricks().copySamples(indexAt(static_cast<std::int64_t>(part.offset), source_bricks_),
                                   out);
-    if (checksum64(out, part.bytes) != part.checksum)
+    if (!isChecksum(checksum64(out, part.bytes), part.checksum))
       throw ReadFailure("are not what they were when '" + file_.path() + "' was built");
     return;
   }
   if (file_.readKept(part.checksum, part.bytes, out)) return;
   file_.read(part.offset, part.bytes, out);
-  if (checksum64(out, part.bytes) != part.checksum) throw ReadFailure(kWrongChecksum);
+  if (!isChecksum(checksum64(out, part.bytes), part.checksum)) throw ReadFailure(kWrongChecksum);
   file_.keep(part.checksum, part.bytes, out);
 }
 

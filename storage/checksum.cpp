@@ -9,6 +9,14 @@ std::uint64_t checksum64(const void* data, std::size_t bytes, std::uint64_t seed
   return XXH3_64bits_withSeed(data, bytes, seed);
 }
 
+bool isChecksum([[maybe_unused]] std::uint64_t computed, [[maybe_unused]] std::uint64_t stated) {
+#ifdef FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION
+  return true;
+#else
+  return computed == stated;
+#endif
+}
+
 struct RunningChecksum::State {
   XXH3_state_t hash;
 };

@@ -76,7 +76,8 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
       throw Error("'" + shown_ + "' " + failure.what(), {.path = shown_});
     }
     if (!fits || header.header_checksum != entry_.header_checksum ||
-        checksum64(&header, offsetof(format::Header, header_checksum)) != header.header_checksum)
+        !isChecksum(checksum64(&header, offsetof(format::Header, header_checksum)),
+                    header.header_checksum))
       throw Error("'" + shown_ + "' is not the file that was joined", {.path = shown_});
     reader_ = std::move(reader);
     now_ = reader_.get();

@@ -24,4 +24,7 @@ inline int nestingDepth(std::string_view text) {
   return deepest;
 }
 
+// No view, script or request that is meant is nested deeper.
+inline constexpr int kMostNesting = 16;
+
 }  // namespace isobrick

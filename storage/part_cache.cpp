@@ -88,7 +88,8 @@ bool PartCache::read(std::uint64_t checksum, std::uint64_t bytes, std::byte* out
   const std::string path = nameOf(checksum, bytes);
   const OpenDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (file.get() < 0) return false;
-  if (readBytesAt(file.get(), 0, out, bytes).bytes != bytes || checksum64(out, bytes) != checksum) {
+  if (readBytesAt(file.get(), 0, out, bytes).bytes != bytes ||
+      !isChecksum(checksum64(out, bytes), checksum)) {
     ::unlink(path.c_str());
     return false;
   }
@@ -137,7 +138,8 @@ KeptParts keptParts(const std::string& folder) {
 KeptParts trimParts(const std::string& folder, std::uint64_t most_bytes) {
   KeptParts removed;
   const std::string lock_path = partsFolder(folder) + "/lock";
-  const OpenDescriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  const OpenDescriptor lock(
+      ::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
   // The look of another process, which takes moments, is waited for: it does not know of what this
   // one is about to write.
   while (lock.get() >= 0 && ::flock(lock.get(), LOCK_EX) != 0 && errno == EINTR) {

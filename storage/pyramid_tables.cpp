@@ -92,7 +92,8 @@ void PyramidTables::readHeader() {
          std::to_string(format::kVersion) + " to " + std::to_string(format::kVersionOfSources) +
          "; build it again or use the program that wrote it");
   if (header.header_bytes != kSize ||
-      header.header_checksum != checksum64(&header, offsetof(format::Header, header_checksum)))
+      !isChecksum(checksum64(&header, offsetof(format::Header, header_checksum)),
+                  header.header_checksum))
     fail("has a damaged header; build it again");
   if (header.file_bytes != file_.size())
     fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
@@ -150,7 +151,7 @@ void PyramidTables::readDivision() {
   } catch (const ReadFailure& failure) {
     fail(withAdvice(std::string("has a table of files that ") + failure.what(), "check the disk"));
   }
-  if (!division || run.checksum() != header.division.checksum)
+  if (!division || !isChecksum(run.checksum(), header.division.checksum))
     fail("has a damaged table of files; join them again");
   division_ = std::make_shared<PyramidDivision>(std::move(*division));
   file_.divide(division_, remote_);
@@ -167,7 +168,7 @@ std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint6
   if (file_.holds(offset, bytes)) try {
       std::vector<std::byte> table(bytes);
       file_.read(offset, bytes, table.data());
-      if (checksum64(table.data(), bytes) == checksum) return table;
+      if (isChecksum(checksum64(table.data(), bytes), checksum)) return table;
     } catch (const ReadFailure& failure) {
       fail(withAdvice(std::string("has a ") + name + " that " + failure.what(), "check the disk"));
     }

@@ -47,7 +47,7 @@ bool isRangeSound(const PagedFile& file, std::uint64_t base, std::uint64_t file_
     file.read(base + range.offset + at, bytes, some.data());
     sum.add(some.data(), bytes);
   }
-  return range.bytes == 0 || sum.value() == checksum;
+  return range.bytes == 0 || isChecksum(sum.value(), checksum);
 } catch (const ReadFailure&) {
   return false;
 }

@@ -102,7 +102,7 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
     if (readBytesAt(fd, at, buffer.data(), buffer.size()).bytes < buffer.size() ||
         std::any_of(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(gap),
                     [](std::byte b) { return b != std::byte{0}; }) ||
-        checksum64(buffer.data() + gap, part.stored_bytes) != part.checksum)
+        !isChecksum(checksum64(buffer.data() + gap, part.stored_bytes), part.checksum))
       return false;
     at = part.offset + part.stored_bytes;
   }

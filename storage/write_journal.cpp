@@ -29,6 +29,12 @@ std::uint64_t checksumOf(const JournalEntry& entry) {
   return checksum64(&entry, offsetof(JournalEntry, checksum));
 }
 
+// What has the name is removed, and not written to: it may be a second name of another file.
+int openNew(const std::string& path) {
+  unlink(path.c_str());
+  return open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0666);
+}
+
 std::string headerOf(const std::string& identity) {
   JournalHeader header = {};
   std::memcpy(header.magic, kJournalMagic, sizeof kJournalMagic);
@@ -63,21 +69,19 @@ std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path)
       !readAt(at + header.identity_bytes, &checksum, sizeof checksum))
     return std::nullopt;
   const std::string expected = headerOf(content.identity);
-  if (std::memcmp(expected.data() + expected.size() - sizeof checksum, &checksum,
-                  sizeof checksum) != 0)
+  if (!isChecksum(checksum64(expected.data(), expected.size() - sizeof checksum), checksum))
     return std::nullopt;
   JournalEntry entry;
   for (at = expected.size();
-       readAt(at, &entry, sizeof entry) && entry.checksum == checksumOf(entry); at += sizeof entry)
+       readAt(at, &entry, sizeof entry) && isChecksum(checksumOf(entry), entry.checksum);
+       at += sizeof entry)
     content.entries.push_back(entry);
   return content;
 }
 
 WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
                            const std::vector<JournalEntry>& entries)
-    : path_(path),
-      file_(open((path + ".new").c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW,
-                 0666)) {
+    : path_(path), file_(openNew(path + ".new")) {
   // A new file takes the place of the old one in one step: a kill, or a loss of power, between
   // leaves one of them.
   const std::string fresh = path + ".new";

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, two hours of
-# everything at once, fresh machines of both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
+# everything at once, an hour of fuzzing for each group (tests/fuzz), fresh machines of both suites of Debian, and arm64. Goes on
+# after a failure, and ends with a line for each.
 #   tools/nightly.sh
 # Needs root and debootstrap for the fresh machines.
 set -euo pipefail
@@ -20,6 +21,7 @@ part every-byte env ISOBRICK_REPETITIONS=40000 build/release/tests/isobrick_stor
 part repair env ISOBRICK_REPETITIONS=1000 build/release/tests/isobrick_preprocess_tests --gtest_filter='*Repair.Gives*'
 part threads tools/test.sh tsan
 part soak tests/house/soak.sh
+part fuzz bash -c 'cmake --preset fuzz && cmake --build --preset fuzz -j2 && tests/fuzz/run.sh all 60'
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb
 part arm64 tests/house/arm64.sh build/nightly/arm64 build/release

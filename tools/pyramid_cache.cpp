@@ -52,7 +52,7 @@ bool hasName(int fd, const std::string& path) {
 // The lock file, locked; -1 if another process has it.
 int tryBuildLock(const std::string& path) {
   while (true) {
-    OpenDescriptor file(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    OpenDescriptor file(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644));
     if (file.get() < 0)
       throw Error(fmt::format("cannot write to the cache: '{}': {}; choose another folder with "
                               "XDG_CACHE_HOME",

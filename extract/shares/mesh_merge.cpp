@@ -61,7 +61,8 @@ class ShareFile {
       failShare(path, "has version " + std::to_string(header_.version) +
                           ", this program reads version " + std::to_string(share_format::kVersion) +
                           "; extract it again");
-    if (header_.header_checksum != checksum64(&header_, offsetof(ShareHeader, header_checksum)))
+    if (!isChecksum(checksum64(&header_, offsetof(ShareHeader, header_checksum)),
+                    header_.header_checksum))
       failDamaged(path, 0);
     if (header_.file_bytes != size_)
       failShare(path, "has " + std::to_string(size_) + " bytes where its header says " +
@@ -78,7 +79,7 @@ class ShareFile {
   std::string identity() const {
     std::string text(header_.identity_bytes, '\0');
     read(batchesEnd(), text.data(), text.size());
-    if (checksum64(text.data(), text.size()) != header_.identity_checksum)
+    if (!isChecksum(checksum64(text.data(), text.size()), header_.identity_checksum))
       failDamaged(path_, batchesEnd());
     return text;
   }
@@ -182,7 +183,8 @@ void decode(MergedBatch& merged, const Index3& voxels, bool has_remains) {
   BatchRecord record;
   std::memcpy(&record, merged.bytes.data(), sizeof record);
   constexpr std::size_t kChecked = offsetof(BatchRecord, level);
-  if (record.checksum != checksum64(merged.bytes.data() + kChecked, merged.bytes.size() - kChecked))
+  if (!isChecksum(checksum64(merged.bytes.data() + kChecked, merged.bytes.size() - kChecked),
+                  record.checksum))
     failDamaged(merged.path, merged.offset);
   MeshBatch& batch = merged.placed.batch;
   bool is_sane = record.level < 64 && record.is_uniform <= 1 && record.indices % 3 == 0 &&

@@ -44,6 +44,12 @@ AtomicFolder::AtomicFolder(const std::string& path)
     if (is_new) rmdir(temporary_path_.c_str());
     failWriting(path_, error);
   }
+  struct stat status = {};
+  if (!is_new && (fstat(fd_, &status) != 0 || status.st_uid != geteuid())) {
+    ::close(std::exchange(fd_, -1));  // who owns it may change names in it at any time
+    throw unwritable(path_, "'", temporary_path_,
+                     "' is another user's; move it away or choose another name");
+  }
   if (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     ::close(fd_);
     fd_ = -1;
@@ -70,7 +76,7 @@ void AtomicFolder::makeFolder(const std::string& name) {
 AtomicFolder::File::File(const AtomicFolder& folder, const std::string& name)
     : folder_(folder),
       file_(open((folder.temporaryPath() + "/" + name).c_str(),
-                 O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+                 O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666)) {
   if (file_.get() < 0) failWriting(folder_.path_, errno);
 }
 

@@ -90,7 +90,7 @@ class MrcHeader {
     constexpr std::int32_t kFirstOfStacks = 401, kLastOfStacks = 630;
     const std::int32_t group = number(88), sections = number(36);
     if (group < kFirstOfStacks || group > kLastOfStacks) return 1;
-    if (sections < 1 || number(8) % sections != 0)
+    if (sections < 1 || number(8) < sections || number(8) % sections != 0)
       throw unusable(path_, "it is a stack of volumes of ", sections, " sections each and has ",
                      number(8), " in all; correct its header");
     return number(8) / sections;

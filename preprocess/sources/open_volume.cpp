@@ -7,6 +7,7 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/error.h"

@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/range_reader.h"
@@ -53,7 +54,7 @@ ZarrArray::Indices allAxes(std::size_t count) {
 bool takeChecksum(std::vector<std::byte>& bytes) {
   const auto stated = loadNumber<std::uint32_t>(bytes.data() + bytes.size() - 4, false);
   bytes.resize(bytes.size() - 4);
-  return crc32c(bytes) == stated;
+  return isChecksum(crc32c(bytes), stated);
 }
 
 // Those of the specification, and what the numcodecs library adds.

@@ -362,7 +362,8 @@ void StoreFile::openMember(const std::string& name, bool in_parts) {
     unpacked_.resize(static_cast<std::size_t>(size_));
     if (!unpackBlock(BlockCodec::kDeflate, packed, unpacked_).empty()) throw damaged();
   }
-  if (checksumOf(unpacked_.data(), unpacked_.size()) != member->checksum) throw damaged();
+  if (!isChecksum(checksumOf(unpacked_.data(), unpacked_.size()), member->checksum))
+    throw damaged();
 }
 
 void StoreFile::announce(std::vector<ByteRange> ranges) const {
@@ -386,7 +387,7 @@ std::size_t StoreFile::readAt(std::uint64_t offset, void* out, std::size_t bytes
     return bytes;
   }
   const std::size_t read = zip_->readAt(begin_ + offset, out, bytes, stays);
-  if (read == size_ && checksum_ && checksumOf(out, read) != *checksum_)
+  if (read == size_ && checksum_ && !isChecksum(checksumOf(out, read), *checksum_))
     throw unreadable(path_, "it fails its checksum; get the zip file again");
   return read;
 }

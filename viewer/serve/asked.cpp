@@ -10,9 +10,9 @@
 namespace isobrick {
 namespace {
 
-// Discarded if it is no JSON. Nothing that is asked for is nested deeply.
+// Discarded if it is no JSON.
 nlohmann::json parsed(std::string_view text) {
-  require(nestingDepth(text) <= 16, 400, "brackets are nested more than 16 deep");
+  require(nestingDepth(text) <= kMostNesting, 400, "brackets are nested more than 16 deep");
   return nlohmann::json::parse(text, nullptr, false);
 }
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/nesting.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_file.h"
 
@@ -276,6 +277,7 @@ class StepReader {
 }  // namespace
 
 ViewScript viewScriptFromJson(const std::string& text) {
+  if (nestingDepth(text) > kMostNesting) throw Error("the script is nested more than 16 deep");
   const Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the script is not JSON");
   if (!json.is_object() || !json.contains("steps") || !json["steps"].is_array())

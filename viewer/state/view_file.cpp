@@ -14,6 +14,7 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
+#include "isobrick/storage/nesting.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
@@ -250,6 +251,7 @@ std::string textOf(const OrderedJson& json) {
 }
 
 OrderedJson parsed(const std::string& text) {
+  if (nestingDepth(text) > kMostNesting) throw Error("the view is nested more than 16 deep");
   OrderedJson json = OrderedJson::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
   return json;

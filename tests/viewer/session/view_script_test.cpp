@@ -200,5 +200,14 @@ TEST(ViewScriptTest, AWaitForAPreviewKeepsIt) {
   EXPECT_FALSE(player.keepsPreview());
 }
 
+TEST(ViewScriptTest, TextThatIsNestedDeepIsRefusedBeforeItTakesTheStack) {
+  std::string text = "1";
+  for (int depth = 0; depth < 20; ++depth) text = R"({"a":)" + text + "}";
+  EXPECT_THROW(viewScriptFromJson(R"({"steps":[{"set":)" + text + "}]}"), Error);
+  EXPECT_THROW(viewScriptFromJson(R"({"steps":[{"set":{"a":)" + std::string(100'000, '[') +
+                                  std::string(100'000, ']') + "}}]}"),
+               Error);
+}
+
 }  // namespace
 }  // namespace isobrick

@@ -98,5 +98,11 @@ TEST_F(ViewFileTest, OlderViewsAreReadAndLaterOnesRefused) {
   EXPECT_NE(refusal(R"({"wirefram": true})").find("'" + path_ + "'"), std::string::npos);
 }
 
+TEST_F(ViewFileTest, TextThatIsNestedDeepIsRefusedBeforeItTakesTheStack) {
+  EXPECT_THROW(viewStateFromJson(R"({"measurements":[{"surface_isovalue":)" +
+                                 std::string(100'000, '[') + std::string(100'000, ']') + "}]}"),
+               Error);
+}
+
 }  // namespace
 }  // namespace isobrick
