@@ -9,6 +9,7 @@ set(isobrick_public_headers
   storage/grid.h
   storage/isovalue_suggestions.h
   storage/pyramid.h
+  storage/pyramid_file.h
   storage/pyramid_info.h
   storage/pyramid_verify.h
   storage/remote_options.h
