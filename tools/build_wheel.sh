@@ -29,6 +29,17 @@ if [ -z "${ISOBRICK_PREFIX:-}" ]; then
   cmake --install "$out/isobrick" --prefix "$prefix" --strip >"$out/install.log"
 fi
 
+# stand_in FOLDER NAME LIBRARY SYMBOLS: a library of this name that has what LIBRARY asks of it, and ends whoever calls it.
+# Mesa's LLVM brings Z3 and libxml2 with ICU, 24 MB of a wheel, for what drawing never does.
+stand_in() {
+  local symbols
+  symbols=$(nm -D --undefined-only "$3" | awk -v names="$4" '$2 ~ names {sub("@", " ", $2); print $2}')
+  awk '{print "void " $1 "(void) { __builtin_trap(); }"}' <<<"$symbols" >"$1/$2.c"
+  awk 'NF > 1 {names[$2] = names[$2] " " $1 ";"} END {for (v in names) print v " {" names[v] " };"; if (!length(names)) print "{ *; };"}' \
+    <<<"$symbols" >"$1/$2.map"
+  gcc -shared -fPIC -w -Wl,-soname,"$2" -Wl,--version-script="$1/$2.map" -o "$1/$2" "$1/$2.c"
+}
+
 # make_wheel PYTHON
 make_wheel() {
   local tag venv work tree programs drawing loaded licences name wheel bytes
@@ -63,11 +74,17 @@ make_wheel() {
   for path in "${loaded[@]}"; do cp -L "$path" "$drawing/"; done
   echo '{"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_mesa.so.0"}}' >"$drawing/mesa.json"
 
+  local stand_ins=$work/stand_ins llvm
+  mkdir -p "$stand_ins"
+  llvm=$(ldd "$drawing/swrast_dri.so" | awk '/libLLVM/ {print $3}')
+  stand_in "$stand_ins" libz3.so.4 "$llvm" '^Z3_'
+  stand_in "$stand_ins" libxml2.so.2 "$llvm" '^xml'
+
   # The licence of every Debian package that a library, or the font in the command, comes from.
   licences=$programs/licences
   mkdir -p "$licences"
   find "$tree" -type f \( -name '*.so*' -o -path '*/bin/*' -o -path '*/libexec/*' \) -print0 |
-    xargs -0 -n 1 ldd 2>/dev/null | awk '/=> \//{print $3}' | sort -u | xargs -n 1 readlink -f |
+    LD_LIBRARY_PATH=$stand_ins xargs -0 -n 1 ldd 2>/dev/null | awk '/=> \//{print $3}' | sort -u | xargs -n 1 readlink -f |
     cat - <(printf '%s\n' "${loaded[@]}" | xargs -n 1 readlink -f) | sort -u >"$work/libraries"
   while read -r path; do
     dpkg-query -S "$path" "/usr${path#/usr}" "${path#/usr}" 2>/dev/null | cut -d: -f1 || true
@@ -77,7 +94,7 @@ make_wheel() {
   done <"$work/packages"
 
   python -m wheel pack -d "$work" "$tree" >/dev/null
-  auditwheel -v repair --strip --zip-compression-level 9 -w "$work/repaired" "$work"/isobrick-*.whl >"$work/auditwheel.log" 2>&1 || {
+  LD_LIBRARY_PATH=$stand_ins auditwheel -v repair --strip --zip-compression-level 9 -w "$work/repaired" "$work"/isobrick-*.whl >"$work/auditwheel.log" 2>&1 || {
     tail -20 "$work/auditwheel.log"
     exit 1
   }
