@@ -198,6 +198,12 @@ def build(
 
     Parameters
     ----------
+    source
+        a path or an array, as above
+    out
+        the pyramid's name
+    spacing, origin, direction
+        the place of the voxels in the world, in place of what ``source`` says; a direction of arrays only
     unit
         of arrays: that of spacing and origin, 'nm', 'um', 'mm', 'cm', 'm' or 'inch'; lengths become millimetres
     codec
@@ -206,12 +212,18 @@ def build(
         'average' or 'subsample': from a level to the next coarser one
     curvature
         stores bounds, so that ``extract`` may have a ``curvature``
+    brick_cells
+        cells along an edge of a brick, a power of two from 4 to 256
+    nan_as, mask_nan
+        what becomes of voxels that are not finite, as above
     memory
         what the build holds at most, with what it reads: bytes, or a text such as '256M'
     threads
         0: all cores
     progress
         True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+    cancel
+        ends the build when its ``request()`` is called
     force
         replaces ``out`` if it exists; of ``.isbs``: builds files again that are there. Without it those of the
         same source stay: an array is known by its name and some of its voxels

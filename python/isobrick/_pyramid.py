@@ -553,8 +553,21 @@ def open_each(
     select: Mapping[str, Any] | None = None,
     **arguments: Any,
 ) -> list[Pyramid]:
-    """Opens a pyramid of each channel, or of each step of time, of a volume, in their order: ``open`` with the same
-    arguments for each. ``provenance["channel"]`` has its name and colour, if the file gives them."""
+    """Opens a pyramid of each channel, or of each step of time, of a volume, in their order.
+
+    ``provenance["channel"]`` of each has its name and colour, if the file gives them.
+
+    Parameters
+    ----------
+    path
+        of the volume, or its URL
+    key
+        'channel' or 'time'
+    select
+        what else is chosen from the file: ``{"time": 3}``
+    **arguments
+        of ``open``
+    """
     from ._by_command import run_command
 
     facts = run_command("info", [_whole_path(os.fspath(path))], {"select": select})
