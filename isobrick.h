@@ -34,5 +34,6 @@
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/isovalue_suggestions.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/pyramid_verify.h"
 #include "isobrick/viewer/stream/merged_surface.h"

@@ -10,6 +10,7 @@ set(isobrick_public_headers
   storage/isovalue_suggestions.h
   storage/length_scale.h
   storage/pyramid.h
+  storage/pyramid_file.h
   storage/pyramid_info.h
   storage/pyramid_verify.h
   storage/remote_options.h

@@ -82,10 +82,11 @@ std::string guessOfRest(const CLI::App& app) {
   return rest.empty() ? std::string() : guessFor(app, rest.front());
 }
 
-// The exit status if the words themselves end the run (help, version, wrong usage).
-std::optional<int> parseArguments(CLI::App& app, int argc, char** argv) {
+// The exit status if the words themselves end the run (help, version, wrong usage). The words begin
+// with the last one, as CLI11 takes them.
+std::optional<int> parseArguments(CLI::App& app, std::vector<std::string> words) {
   try {
-    app.parse(argc, argv);
+    app.parse(std::move(words));
   } catch (const CLI::Success& wish) {
     app.exit(wish);
     return std::fflush(stdout) == 0 ? kSucceeded : kFailed;
@@ -190,16 +191,18 @@ int runWords(int given, char** given_words) {
     return std::fflush(stdout) == 0 ? kSucceeded : kFailed;
   }
   if (!isSubcommand(app, argv[1])) runCommandOfFile(argc, argv);
-  if (const auto status = parseArguments(app, argc, argv)) return *status;
+  // Not before: what this process becomes would have them among its words.
+  const auto status = parseArguments(app, withVariables({texts.rbegin(), texts.rend() - 1}));
+  if (status) return *status;
   installInterruptHandler();
-  const int status = runReportingFailures(app, commands);
-  if (status == kInterrupted) {
+  const int ended = runReportingFailures(app, commands);
+  if (ended == kInterrupted) {
     // A call of a library may still be under way (storage/abandonable.h), which uses objects that
     // destructors of global objects would destroy.
     std::fflush(nullptr);
-    std::_Exit(status);
+    std::_Exit(ended);
   }
-  return status;
+  return ended;
 }
 
 }  // namespace

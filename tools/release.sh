@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes a release of the commit that is checked out: source tarball, Debian packages, wheel, container files, checksums,
+# Makes a release of the commit that is checked out: source tarball, Debian packages, wheels, container files, checksums,
 # in build/release-VERSION. RELEASING.md says what comes before and after.
 #   tools/release.sh             all of it
 #   tools/release.sh --source    the tarball and its checksum alone
@@ -26,7 +26,9 @@ if [ "${1:-}" != --source ]; then
   (cd "$work/$name" && dpkg-buildpackage -b -us -uc) >"$out/deb.log" 2>&1 || { tail -20 "$out/deb.log"; fail "no Debian package"; }
   cp "$work"/*.deb "$out/"
   rm "$out/deb.log"
-  tools/build_wheel.sh "$work/wheel"
+  # What the package was made of, so that nothing is compiled twice.
+  cmake --install "$work/$name/build/debian" --prefix "$work/prefix" --strip >"$work/install.log"
+  (cd "$work/$name" && ISOBRICK_PREFIX=$work/prefix tools/build_wheel.sh "$work/wheel")
   cp "$work"/wheel/isobrick-*manylinux*.whl "$out/"
   cp tools/container/Containerfile tools/container/isobrick.def "$out/"
 fi

@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <numeric>
 #include <optional>
 #include <string_view>
+
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {
@@ -65,6 +68,19 @@ std::vector<std::string> todaysWords(int argc, char** argv) {
         "isobrick: warning: build --join is merge now; the old name ends with version 0.4\n");
     words.erase(join);
     words[1] = "merge";
+  }
+  return words;
+}
+
+std::vector<std::string> withVariables(std::vector<std::string> words) {
+  constexpr std::string_view kPrefix = "env:";
+  for (std::string& word : words) {
+    if (!word.starts_with(kPrefix)) continue;
+    const std::string name = word.substr(kPrefix.size());
+    const char* const value = std::getenv(name.c_str());
+    if (value == nullptr)
+      throw Error(fmt::format("there is no variable '{}' of the environment; set it", name));
+    word = value;
   }
   return words;
 }

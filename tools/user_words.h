@@ -10,6 +10,10 @@ namespace isobrick {
 // which a warning names.
 std::vector<std::string> todaysWords(int argc, char** argv);
 
+// The words with the values of variables in place of "env:NAME": for URLs that are secrets, since
+// `ps` shows the words of a process to everybody. Throws Error if there is no such variable.
+std::vector<std::string> withVariables(std::vector<std::string> words);
+
 // "; did you mean 'focus'?" for "focsu": the nearest of the words, or nothing if none is near.
 std::string guessOf(const std::string& word, const std::vector<std::string>& known);
 

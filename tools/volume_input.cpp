@@ -112,10 +112,12 @@ nlohmann::ordered_json outputOf(const ProgramCall& call, const CancelFlag& cance
 // `isobrick build` of a volume into the cache.
 ProgramCall callOfBuild(const std::string& volume, const VolumeBuild& build) {
   ProgramCall call;
+  const bool is_url = isRemotePath(volume);  // whose query may be a secret (tools/user_words.h)
+  if (is_url) call.environment.push_back("ISOBRICK_URL=" + volume);
   call.words = {
       requireOwn("isobrick-build"),
       "build",
-      wholePath(volume),
+      is_url ? "env:ISOBRICK_URL" : wholePath(volume),
       "--into-cache",
       build.cache_folder.empty() ? defaultCacheFolder() : absolutePath(build.cache_folder).string(),
       "--progress-lines",

@@ -7,8 +7,9 @@
 
 Or, of an array, without a file: ``points, faces, normals = isobrick.isosurface(array, 1324)``.
 
-Arrays are [z, y, x]: the last axis is x. Points, focus, spacing and origin are (x, y, z) in world units; calls
-that take points take voxel indices, (x, y, z) too, with ``indices=True``.
+Arrays are [z, y, x]: the last axis is x. Points, focus, spacing and origin are (x, y, z) in world units. Arguments
+whose names end with ``_voxels``, as ``focus_voxels=(150, 60, 150), radius_voxels=40``, are in voxel indices,
+(x, y, z) too, and voxels.
 """
 
 from ._attributes import Colors, Distance, Nearest, Thickness
@@ -29,6 +30,7 @@ from ._pyramid import (
     Suggestion,
     merge,
     open,
+    open_each,
 )
 from ._query import Component, Detail, ExtractReport, LevelCounts, MeshQuality, Query, View
 from ._show import BrowserView, show
@@ -74,6 +76,7 @@ __all__ = [
     "marching_cubes",
     "merge",
     "open",
+    "open_each",
     "render",
     "save_together",
     "show",

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class BuildReport:
     #: For a pyramid of many files (``.isbs``): files of super-bricks that were built, and that were there.
     super_bricks_built: int = 0
     super_bricks_up_to_date: int = 0
+    #: The pyramids of ``channel="all"`` or ``time="all"``, in the order of the channels, step by step.
+    outputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,8 +107,8 @@ class _FileInput:
     origin: Triple | None
     series: str
     grid: str
-    time: int | None
-    channel: int | None
+    time: int | Literal["all"] | None
+    channel: int | Literal["all"] | None
     image: int | None
     component: int | None
     label: int | None = None
@@ -165,8 +167,8 @@ def build(
     raw: RawLayout | None = None,
     series: str = "",
     grid: str = "",
-    time: int | None = None,
-    channel: int | None = None,
+    time: int | Literal["all"] | None = None,
+    channel: int | Literal["all"] | None = None,
     image: int | None = None,
     component: int | None = None,
     label: int | None = None,
@@ -196,6 +198,12 @@ def build(
 
     Parameters
     ----------
+    source
+        a path or an array, as above
+    out
+        the pyramid's name
+    spacing, origin, direction
+        the place of the voxels in the world, in place of what ``source`` says; a direction of arrays only
     unit
         of spacing and origin, and of the lengths in a file, whatever it says: 'nm', 'um', 'mm', 'cm', 'm' or 'inch';
         lengths become millimetres
@@ -205,17 +213,25 @@ def build(
         'average' or 'subsample': from a level to the next coarser one
     curvature
         stores bounds, so that ``extract`` may have a ``curvature``
+    brick_cells
+        cells along an edge of a brick, a power of two from 4 to 256
+    nan_as, mask_nan
+        what becomes of voxels that are not finite, as above
     memory
         what the build holds at most, with what it reads: bytes, or a text such as '256M'
     threads
         0: all cores
     progress
         True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+    cancel
+        ends the build when its ``request()`` is called
     force
         replaces ``out`` if it exists; of ``.isbs``: builds files again that are there. Without it those of the
         same source stay: an array is known by its name and some of its voxels
     raw, series, grid, time, channel, image, component
-        of files: a layout without a header, and what to take from a file with several volumes
+        of files: a layout without a header, and what to take from a file with several volumes. 'all' channels or times
+        are a pyramid each, with ``{channel}`` and ``{time}`` in ``out`` for their names: the command builds them, which
+        the wheel has; those that are up to date stay
     label
         of integers: 1 where a voxel is this label and 0 elsewhere, in place of the volume, compared exactly up to
         2**64 - 1; the surface at 0.5 is that of the label
@@ -235,6 +251,8 @@ def build(
         VTI without packing, and VDB
     """
     name = os.fspath(out)
+    if "all" in (time, channel):
+        return _build_each(source, name, locals())
     is_divided = name.rstrip("/").endswith(".isbs")
     if part is not None and not is_divided:
         raise ArgumentError("a part is of a pyramid of many files; name it with the ending .isbs")
@@ -258,6 +276,33 @@ def build(
     if part is None:
         join(name, memory=memory, threads=threads, progress=progress, cancel=cancel)
     return report
+
+
+def _build_each(source: Any, out: str, arguments: dict[str, Any]) -> BuildReport:
+    """A pyramid of each channel or time, by the command. ``arguments``: of ``build``."""
+    from ._by_command import run_command
+
+    if not isinstance(source, (str, os.PathLike)):
+        raise ArgumentError("'all' channels and times are those of a file; build one pyramid of each array")
+    for name in ("raw", "direction", "unit", "part", "progress", "cancel"):
+        if arguments[name] is not None:
+            raise ArgumentError(f"{name} does not go with 'all' channels or times; leave it out, or choose one")
+    selected = {name: arguments[name] for name in ("series", "grid", "time", "channel", "image", "component")}
+    same = ("spacing", "origin", "codec", "filter", "nan_as", "mask_nan", "memory", "force", "label", "index")
+    options = {
+        "output": out, "select": {key: value for key, value in selected.items() if value not in (None, "")},
+        "no_curvature": not arguments["curvature"], "brick": arguments["brick_cells"],
+        "denoise": arguments["denoise"] or None, "threads": arguments["threads"] or None,
+        **{name: arguments[name] for name in same},
+    }  # fmt: skip
+    done = run_command("build", [source], options)
+    return replace(
+        _sum_of([(True, BuildReport(
+            one["seconds"]["total"], {name: phase["busy_seconds"] for name, phase in one["phases"].items()},
+            one["bytes"]["total"], one["bricks"], 0, one["notes"],
+        )) for one in done["volumes"]]),
+        super_bricks_built=0, outputs=tuple(one["output"] for one in done["volumes"]),
+    )  # fmt: skip
 
 
 def join(

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -14,9 +15,10 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ._command import environment, executable
+from ._command import environment, executable, without_urls
 from ._errors import ArgumentError, error_of
 from ._pyramid import Pyramid
+from ._query import IN_SPACE
 
 Source = Pyramid | str | os.PathLike[str]
 
@@ -52,11 +54,38 @@ def words_of(options: Mapping[str, Any]) -> list[str]:
     return words
 
 
+def _in_one_space(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Places by the command's names, voxels unless it has ``--world``.
+
+    >>> _in_one_space({"focus": (75, 30, 75), "radius": 20, "azimuth": 40})
+    {'focus': (75, 30, 75), 'radius': 20, 'azimuth': 40, 'world': True}
+    >>> _in_one_space({"box_voxels": ((0, 0, 0), (9, 9, 9))})
+    {'box': (0, 0, 0, 9, 9, 9)}
+    """
+    result: dict[str, Any] = {}
+    in_world = set()
+    for given, value in options.items():
+        name = given.removesuffix("_voxels")
+        if name in IN_SPACE and value is not None and not isinstance(value, str):
+            if given == "simplify":
+                raise ArgumentError("give simplify_voxels, or the distance with its unit as a text, '0.2mm'")
+            if name != "simplify":
+                in_world.add(given == name)
+            if name == "box":
+                value = tuple(np.ravel(value).tolist())
+        result[name if name in IN_SPACE else given] = value
+    if len(in_world) > 1:
+        raise ArgumentError("some places are in world units and some in voxels; give all in one of them")
+    return {**result, "world": True} if True in in_world else result
+
+
 def run_command(command: str, inputs: Sequence[Source], options: Mapping[str, Any]) -> dict[str, Any]:
     """What ``isobrick COMMAND --json`` says."""
-    paths = [one.path if isinstance(one, Pyramid) else os.fspath(one) for one in inputs]
+    paths, urls = without_urls([one.path if isinstance(one, Pyramid) else os.fspath(one) for one in inputs])
     words = [str(executable()), command, *words_of(options), "--json", "--", *paths]
-    done = subprocess.run(words, env=environment(), stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    done = subprocess.run(
+        words, env=environment() | urls, stdin=subprocess.DEVNULL, capture_output=True, text=True
+    )  # fmt: skip
     if done.returncode == 0:
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
@@ -122,8 +151,9 @@ def render(
     force
         replaces ``out`` if it exists
     **options
-        all others of ``isobrick render`` by their names: ``azimuth=40``, ``scale_bar=True``, ``focus=(75, 30, 75)``,
-        in voxels as there, or "75,30,75mm"
+        all others of ``isobrick render`` by their names: ``azimuth=40``, ``scale_bar=True``. focus, radius, box, clip
+        and sphere are (x, y, z) in world units, or all of them in voxels, ``focus_voxels=(150, 60, 150)``; simplify
+        is ``simplify_voxels``. Texts are as the command takes them, "75,30,75mm"
 
     Returns
     -------
@@ -131,6 +161,7 @@ def render(
         (height, width, 3), sRGB, 8 bits; nothing if ``out`` is given
     """
     inputs = list(source) if isinstance(source, Sequence) and not isinstance(source, str) else [source]
+    options = _in_one_space(options)
     given = {
         "iso": isovalue, "size": f"{size[0]}x{size[1]}", "background": background, "force": force,
         "color": [[one] if isinstance(one, str) else one for one in color] if isinstance(color, list) else color,
@@ -158,7 +189,7 @@ def convert(
     *,
     level: int | None = None,
     all_levels: bool = False,
-    box: Sequence[Sequence[float]] | None = None,
+    box_voxels: Sequence[Sequence[float]] | None = None,
     select: Mapping[str, Any] | None = None,
     force: bool = False,
     **options: Any,
@@ -172,7 +203,7 @@ def convert(
         a pyramid, or the path or URL of one or of a volume
     level, all_levels
         of a pyramid: this level, or all of them in one ``.vdb`` or ``.ome.zarr``
-    box
+    box_voxels
         ((x, y, z), (x, y, z)): only these voxels of level 0, both corners included
     select
         which volume of several in the file: ``{"channel": 1, "time": 3}``
@@ -186,7 +217,10 @@ def convert(
     dict
         what ``isobrick convert --json`` says
     """
-    corners = None if box is None else [*box[0], *box[1]]
+    if options.get("box") is not None:
+        warnings.warn("box= of convert is box_voxels= now; the old name ends with version 0.4", FutureWarning, stacklevel=2)
+        box_voxels = options.pop("box")
+    corners = None if box_voxels is None else [*box_voxels[0], *box_voxels[1]]
     return run_command(
         "convert", [source],
         {"output": out, "level": level, "all_levels": all_levels, "box": corners, "select": select, "force": force,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
+from . import _core
 from ._errors import Error
 
 PROGRAMS = Path(__file__).parent / "_programs"
@@ -34,6 +36,18 @@ def environment() -> dict[str, str]:
         result.setdefault("__EGL_VENDOR_LIBRARY_FILENAMES", str(DRAWING / "mesa.json"))
         result.setdefault("LIBGL_DRIVERS_PATH", str(DRAWING))
     return result
+
+
+def without_urls(paths: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """The words for these paths, and the environment that has the URLs among them: what a URL asks with may be a
+    secret, and ``ps`` shows words to everybody.
+
+    >>> without_urls(["a.isb", "https://example.org/b.isb?key=1"])
+    (['a.isb', 'env:ISOBRICK_URL_1'], {'ISOBRICK_URL_1': 'https://example.org/b.isb?key=1'})
+    """
+    urls = {f"ISOBRICK_URL_{i}": path for i, path in enumerate(paths) if _core.is_remote_path(path)}
+    names = {path: f"env:{name}" for name, path in urls.items()}
+    return [names.get(path, path) for path in paths], urls
 
 
 def _is_program(path: Path) -> bool:

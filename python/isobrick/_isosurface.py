@@ -72,9 +72,9 @@ def isosurface(
     threads
         0: all cores
     **choice
-        of ``Query``: box, mask, clip, sphere, cap, simplify, drop_small, values, attributes, indices and inside, in
-        which 'auto' is 'above'; (x, y, z) in world units, or voxel indices with ``indices=True``. ``Thickness`` and
-        ``Distance`` of an isovalue take a pyramid
+        of ``Query``: box, mask, clip, sphere, cap, simplify, drop_small, keep_largest, drop_below, values, attributes
+        and inside, in which 'auto' is 'above'; (x, y, z) in world units, or in voxels those that end with ``_voxels``.
+        ``Thickness`` and ``Distance`` of an isovalue take a pyramid
     """
     described = describe(volume)
     if (level is None) == (label is None):
@@ -144,7 +144,7 @@ def marching_cubes(
         raise RuntimeError("No surface found at the given iso value.")
     # There a voxel of just this value is outside.
     above = float(np.nextafter(np.float32(level), np.float32(np.inf)))
-    mesh = isosurface(coarse, above, indices=True)
+    mesh = isosurface(coarse, above)
     points = mesh.index_points
     faces = mesh.faces.astype(np.int32)
     normals = mesh.normals

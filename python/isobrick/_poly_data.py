@@ -69,7 +69,7 @@ def poly_data_of(mesh: Any, copy: bool = False) -> Any:
     result.SetPolys(cells)
     result.GetPointData().SetNormals(vtk_array(mesh.normals, "Normals", copy))
     result.GetCellData().AddArray(vtk_array(mesh.levels, "level", copy))
-    if any(counts.cap_triangles > 0 for counts in mesh.report.levels):
+    if mesh.caps.any():
         result.GetCellData().AddArray(vtk_array(mesh.caps.view(np.uint8), "cap", copy))
     for name, values in mesh.attributes.items():
         result.GetPointData().AddArray(vtk_array(values, name, copy))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import builtins
 import json
 import os
 import re
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -351,7 +350,8 @@ class Pyramid:
             0: all cores
         **choice
             of ``Query``: focus, radius, level, view, curvature, or_finer, box, mask, clip, sphere, cap, simplify,
-            triangles, drop_small, keep_largest, drop_below, values, attributes, indices and inside; (x, y, z) in world units, or voxel indices with ``indices=True``
+            triangles, drop_small, keep_largest, drop_below, values, attributes and inside; (x, y, z) in world units, or
+            in voxels those that end with ``_voxels``
         """
         query = query_of(isovalue, choice)
         pyramid = self
@@ -411,9 +411,9 @@ class Pyramid:
         """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``: for meshes larger
         than memory. The file has the world's coordinates, or those of another ``space`` ('RAS', or 'index': voxel
         indices), in a ``unit`` of its own ('nm', 'um', 'mm', 'cm', 'm', 'inch', 'ft'), and ``shift`` added
-        last. ``colors`` are those of the points, by an attribute. The other parameters are those of ``extract``: focus,
-        radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``. The file has its name when it is whole; one that exists is replaced with
-        ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
+        last. ``colors`` are those of the points, by an attribute. The other parameters are those of ``extract``, (x, y, z)
+        in world units, or in voxels those that end with ``_voxels``. The file has its name when it is whole; one that
+        exists is replaced with ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
         to the mesh of one call."""
         query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
@@ -444,7 +444,7 @@ class Session:
     """Queries on one pyramid, one at a time, that share memory: a mesh that is not held any more is written over by the
     next query, so a loop touches no fresh memory. A mesh, or an array of one, that is held stays what it is.
 
-    focus, radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``.
+    Queries are those of ``Pyramid.extract``: (x, y, z) in world units, or in voxels those that end with ``_voxels``.
     """
 
     def __init__(self, pyramid: Pyramid) -> None:
@@ -476,7 +476,7 @@ class Session:
         cancel: _core.Cancel | None = None,
         **choice: Unpack[Choice],
     ) -> Mesh:
-        """As ``Pyramid.extract``: (x, y, z) in world units, voxel indices with ``indices=True``."""
+        """As ``Pyramid.extract``: (x, y, z) in world units, in voxels what ends with ``_voxels``."""
         query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
             return Mesh(self._handle.extract(self._pyramid._settings(query, threads, tell, cancel), False))
@@ -491,15 +491,20 @@ class Session:
     ) -> Iterator[Mesh]:
         """Meshes of one surface: the first at once, from what is in memory, and finer ones as bricks come in, near
         the focus first. The last one is that of ``extract``, unless the pyramid's ``memory`` has no room for it;
-        ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``. The query has
-        no ``values``."""
+        ``Mesh.is_complete`` says which. (x, y, z) in world units, in voxels what ends with ``_voxels``. The query has
+        no ``values``; ``triangles`` counts for the last mesh."""
         query = query_of(isovalue, choice)
         if query.values is not None or query.attributes:
             raise ArgumentError("a progressive query has no values; take those of extract()")
-        settings = self._pyramid._settings(query, threads, None, cancel)
+        settings = passes = self._pyramid._settings(query, threads, None, cancel)
+        if query.triangles is not None:  # whose search takes the whole surface
+            passes = replace(settings, triangles=None, drop_small=False)
+        is_simplified = any(one is not None for one in (query.simplify, query.simplify_voxels, query.triangles))
         while True:
-            mesh = Mesh(self._handle.extract(settings, True))
+            mesh = Mesh(self._handle.extract(passes, True))
             is_complete = mesh.is_complete
+            if is_complete and is_simplified:  # over the borders of bricks too, which passes leave
+                mesh = Mesh(self._handle.extract(settings, False))
             yield mesh
             del mesh  # so that its memory may be used again
             if is_complete or not self._handle.wait_for_bricks(0.05):
@@ -520,7 +525,8 @@ def open(
 
     A volume of any format of ``build``, a folder of DICOM or OME-Zarr behind a URL becomes a pyramid in
     ``cache_folder`` first, by the command, which the wheel has, and is found there again; ``spacing`` is then (x, y, z)
-    in place of what the file says, and ``select`` chooses from several volumes: ``{"series": 2, "time": 0}``.
+    in place of what the file says, and ``select`` chooses from several volumes: ``{"series": 2, "time": 0}``. All
+    channels are ``open_each``.
 
     Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
     stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
@@ -540,18 +546,38 @@ def open(
     return Pyramid(pyramid_of_volume(name, byte_size(memory), folder, most, spacing, select), memory, mmap)
 
 
+def open_each(
+    path: str | os.PathLike[str],
+    key: Literal["channel", "time"] = "channel",
+    *,
+    select: Mapping[str, Any] | None = None,
+    **arguments: Any,
+) -> list[Pyramid]:
+    """Opens a pyramid of each channel, or of each step of time, of a volume, in their order.
+
+    ``provenance["channel"]`` of each has its name and colour, if the file gives them.
+
+    Parameters
+    ----------
+    path
+        of the volume, or its URL
+    key
+        'channel' or 'time'
+    select
+        what else is chosen from the file: ``{"time": 3}``
+    **arguments
+        of ``open``
+    """
+    from ._by_command import run_command
+
+    facts = run_command("info", [_whole_path(os.fspath(path))], {"select": select})
+    count = len(facts["channels"]) if key == "channel" else facts["time_steps"]
+    return [open(path, select={**(select or {}), key: number}, **arguments) for number in range(max(count, 1))]
+
+
 def _is_volume(path: str) -> bool:
-    if path.startswith("phantom:"):
+    if path.startswith("phantom:") or _core.is_remote_volume(path):
         return True
-    if _core.is_remote_path(path):
-        parts = path.split("?")[0].lower().split("/")
-        return parts[-1] == "" or any(part.endswith((".zarr", ".ozx", ".zip")) for part in parts)
-    if path.rstrip("/").endswith((".isb", ".isbs")):
-        return False
-    if os.path.isdir(path):
-        return not os.path.exists(os.path.join(path, "index.isb"))
-    try:
-        with builtins.open(path, "rb") as file:
-            return file.read(8) != b"ISOBRICK"
-    except OSError:
-        return re.search(r"\.(h5|hdf5|hdf|he5|nxs|nc|ims|mat):", path.lower()) is not None
+    if os.path.exists(path):
+        return not _core.is_pyramid_file(path)
+    return re.search(r"\.(h5|hdf5|hdf|he5|nxs|nc|ims|mat):", path.lower()) is not None

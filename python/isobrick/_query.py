@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from typing import Any, Literal, TypedDict
 
 import numpy as np
@@ -16,6 +17,15 @@ Triple = tuple[float, float, float]
 Isovalue = float | Literal["auto"]
 Inside = Literal["above", "below", "auto"]
 Space = Literal["LPS", "RAS", "index"]
+
+#: What a query has in world units, and with ``_voxels`` behind the name in voxel indices and voxels.
+IN_SPACE = ("focus", "radius", "box", "clip", "sphere", "simplify")
+
+
+def _refuse_both(given: Any, names: Sequence[str]) -> None:
+    for name in names:
+        if getattr(given, name) is not None and getattr(given, f"{name}_voxels") is not None:
+            raise ArgumentError(f"{name} is in world units and {name}_voxels in voxels; give one of them")
 
 
 @dataclass(frozen=True)
@@ -48,19 +58,20 @@ class View:
 
 @dataclass(frozen=True)
 class Detail:
-    """How fine the surface is where; what is given leaves cells coarse together. (x, y, z) in world units, or
-    voxel indices if the query says ``indices=True``.
+    """How fine the surface is where; what is given leaves cells coarse together.
 
     Parameters
     ----------
     focus, radius
-        the finest level within the sphere, coarser with the distance from it
+        the finest level within the sphere, coarser with the distance from it; (x, y, z) in world units
     level
         the whole surface from this level; not with a focus
     view
         as fine as a picture from there can show
     curvature
         level 1 where the total curvature is at most this, in 1/voxel^2
+    focus_voxels, radius_voxels
+        focus and radius in voxel indices and voxels of the least spacing, in their place
     """
 
     focus: Sequence[float] | None = None
@@ -68,12 +79,16 @@ class Detail:
     level: int | None = None
     view: View | None = None
     curvature: float | None = None
+    focus_voxels: Sequence[float] | None = None
+    radius_voxels: float | None = None
 
     def __post_init__(self) -> None:
-        if (self.focus is None) != (self.radius is None):
+        _refuse_both(self, ("focus", "radius"))
+        focus = self.focus if self.focus_voxels is None else self.focus_voxels
+        if (focus is None) != (self.radius is None and self.radius_voxels is None):
             raise ArgumentError("focus and radius belong together; give both, or neither")
-        if self.focus is not None and len(self.focus) != 3:
-            raise ArgumentError(f"the focus {self.focus} is not three numbers, (x, y, z)")
+        if focus is not None and len(focus) != 3:
+            raise ArgumentError(f"the focus {focus} is not three numbers, (x, y, z)")
 
 
 class FinestChoice(TypedDict, total=False):
@@ -92,6 +107,10 @@ class FinestChoice(TypedDict, total=False):
     attributes: Mapping[str, Attribute]
     indices: bool
     inside: Inside
+    box_voxels: Sequence[Sequence[float]] | None
+    clip_voxels: ArrayLike | None
+    sphere_voxels: ArrayLike | None
+    simplify_voxels: float | None
 
 
 class Choice(FinestChoice, total=False):
@@ -104,6 +123,8 @@ class Choice(FinestChoice, total=False):
     curvature: float | None
     or_finer: Sequence[Detail]
     triangles: int | None
+    focus_voxels: Sequence[float] | None
+    radius_voxels: float | None
 
 
 @dataclass(frozen=True)
@@ -111,8 +132,8 @@ class Query:
     """Which surface, and how fine. Every call that extracts takes one, or an isovalue with these keywords:
     ``extract(1324, level=1)`` is ``extract(Query(1324, level=1))``, and ``extract(query, level=2)`` changes one.
 
-    focus, radius, box, clip and sphere are (x, y, z) in world units, or voxel indices (x, y, z) with
-    ``indices=True``; so is the distance of ``simplify``.
+    Places and lengths are (x, y, z) in world units; those whose names end with ``_voxels`` are in voxel indices,
+    (x, y, z) too, and voxels.
 
     >>> from dataclasses import replace
     >>> bone = Query(1324, focus=(75, 30, 75), radius=20)
@@ -166,10 +187,13 @@ class Query:
         more numbers for the points, by name, for ``Mesh.attributes`` and files: another pyramid, ``Nearest``,
         ``Thickness`` or ``Distance``
     indices
-        focus, radius, box, clip, sphere and simplify are in voxel indices and voxels
+        the old name of ``focus_voxels`` and so on, for all of them at once; it ends with version 0.4
     inside
         where the object is, from which normals look away: values of at least the isovalue ('above'), or those
         below it ('below': dark things, level sets); 'auto': below for a level set of OpenVDB, else above
+    focus_voxels, radius_voxels, box_voxels, clip_voxels, sphere_voxels, simplify_voxels
+        those without ``_voxels`` in voxel indices and voxels, in their place; lengths are in voxels of the least
+        spacing
     """
 
     isovalue: Isovalue = "auto"
@@ -191,16 +215,26 @@ class Query:
     drop_below: float | None = None
     values: HasValues | None = None
     attributes: Mapping[str, Attribute] = field(default_factory=dict, hash=False)
-    indices: bool = False
+    indices: InitVar[bool] = False
     inside: Inside = "above"
+    focus_voxels: Sequence[float] | None = None
+    radius_voxels: float | None = None
+    box_voxels: Sequence[Sequence[float]] | None = None
+    clip_voxels: ArrayLike | None = None
+    sphere_voxels: ArrayLike | None = None
+    simplify_voxels: float | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, indices: bool) -> None:
+        if indices:
+            self._take_for_voxels()
+        _refuse_both(self, IN_SPACE)
         self._detail()
         if self.inside not in ("above", "below", "auto"):
             raise ArgumentError(f"inside is {self.inside!r}; give 'above', 'below' or 'auto'")
-        if self.simplify is not None and self.triangles is not None:
+        has_distance = self.simplify is not None or self.simplify_voxels is not None
+        if has_distance and self.triangles is not None:
             raise ArgumentError("simplify is a distance, and triangles looks for one; give one of them")
-        if self.drop_small and self.simplify is None and self.triangles is None:
+        if self.drop_small and not has_distance and self.triangles is None:
             raise ArgumentError("drop_small goes with simplify, the distance below which a piece is small; give both")
         for name in ("triangles", "keep_largest"):
             number = getattr(self, name)
@@ -208,12 +242,36 @@ class Query:
                 raise ArgumentError(f"{name}={number} is not above 0")
 
     def _detail(self) -> Detail:
-        return Detail(self.focus, self.radius, self.level, self.view, self.curvature)
+        return Detail(
+            self.focus, self.radius, self.level, self.view, self.curvature, self.focus_voxels, self.radius_voxels
+        )
+
+    def _take_for_voxels(self) -> None:
+        warnings.warn(
+            "indices=True is focus_voxels=, radius_voxels=, box_voxels=, clip_voxels=, sphere_voxels= and "
+            "simplify_voxels= now; the old name ends with version 0.4", FutureWarning, stacklevel=5,
+        )  # fmt: skip
+        for name in IN_SPACE:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, f"{name}_voxels", getattr(self, name))
+                object.__setattr__(self, name, None)
+        finer = [
+            replace(one, focus=None, radius=None, focus_voxels=one.focus, radius_voxels=one.radius)
+            for one in self.or_finer
+        ]
+        object.__setattr__(self, "or_finer", tuple(finer))
 
 
 def query_of(isovalue: Isovalue | Query, choice: Choice) -> Query:
-    """What a call was given, as one."""
-    return replace(isovalue, **choice) if isinstance(isovalue, Query) else Query(isovalue, **choice)
+    """What a call was given, as one: a place in voxels takes that of the world's place, and the other way round."""
+    if not isinstance(isovalue, Query):
+        return Query(isovalue, **choice)
+    changes: dict[str, Any] = dict(choice)
+    for name in IN_SPACE:
+        for given, other in ((name, f"{name}_voxels"), (f"{name}_voxels", name)):
+            if given in choice:
+                changes.setdefault(other, None)
+    return replace(isovalue, **changes)
 
 
 @dataclass
@@ -222,7 +280,9 @@ class _Region:
 
     masks: list[tuple[Any, float | None]]
     planes: list[list[float]]
+    planes_voxels: list[list[float]]
     spheres: list[list[float]]
+    spheres_voxels: list[list[float]]
 
 
 def _mask_of(given: Any) -> tuple[Any, float | None]:
@@ -250,20 +310,32 @@ def _rows_of(what: str, given: ArrayLike | None, counts: tuple[int, ...]) -> lis
     return listed
 
 
-def _plane_of(row: list[float]) -> list[float]:
-    if len(row) == 4:
-        return row
-    normal = row[3:]
-    return [*normal, sum(p * n for p, n in zip(row[:3], normal, strict=True))]
+def _planes_of(what: str, given: ArrayLike | None) -> list[list[float]]:
+    def plane_of(row: list[float]) -> list[float]:
+        if len(row) == 4:
+            return row
+        normal = row[3:]
+        return [*normal, sum(p * n for p, n in zip(row[:3], normal, strict=True))]
+
+    return [plane_of(row) for row in _rows_of(what, given, (4, 6))]
 
 
 def _region_of(query: Query) -> _Region:
     masks = [] if query.mask is None else query.mask if isinstance(query.mask, list) else [query.mask]
     return _Region(
         [_mask_of(mask) for mask in masks],
-        [_plane_of(row) for row in _rows_of("clip", query.clip, (4, 6))],
+        _planes_of("clip", query.clip),
+        _planes_of("clip_voxels", query.clip_voxels),
         _rows_of("sphere", query.sphere, (4,)),
+        _rows_of("sphere_voxels", query.sphere_voxels, (4,)),
     )
+
+
+def _box_of(given: Sequence[Sequence[float]] | None) -> tuple[Triple, Triple] | None:
+    if given is None:
+        return None
+    (ax, ay, az), (bx, by, bz) = given
+    return (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
 
 
 @dataclass
@@ -272,12 +344,13 @@ class _QuerySettings:
 
     isovalue: float
     detail: Detail
-    indices: bool
     or_finer: Sequence[Detail]
     box: tuple[Triple, Triple] | None
+    box_voxels: tuple[Triple, Triple] | None
     region: _Region
     cap: bool
     simplify: float | None
+    simplify_voxels: float | None
     triangles: int | None
     drop_small: bool
     keep_largest: int | None
@@ -294,13 +367,9 @@ def settings_of(
     query: Query, isovalue: float, threads: int, progress: Any, cancel: Any, part: tuple[int, int] | None = None
 ) -> _QuerySettings:
     """Of a query and what is not its own; ``isovalue`` in place of its own, which may be 'auto'."""
-    box = None
-    if query.box is not None:
-        (ax, ay, az), (bx, by, bz) = query.box
-        box = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
     return _QuerySettings(
-        isovalue, query._detail(), query.indices, query.or_finer, box, _region_of(query), query.cap, query.simplify, query.triangles,
-        query.drop_small, query.keep_largest, query.drop_below,
+        isovalue, query._detail(), query.or_finer, _box_of(query.box), _box_of(query.box_voxels), _region_of(query),
+        query.cap, query.simplify, query.simplify_voxels, query.triangles, query.drop_small, query.keep_largest, query.drop_below,
         wishes_of(query.values, query.attributes), threads, progress, cancel, part,
         query.inside == "below",
     )  # fmt: skip
@@ -333,7 +402,8 @@ class ExtractReport:
     #: False: coarser than asked for, since the query took what was in memory.
     is_complete: bool
     triangles: int
-    levels: list[LevelCounts]
+    #: None if only some pieces were kept: cells are not counted for each.
+    levels: list[LevelCounts] | None
     bricks_active: int
     bricks_read: int
     bytes_active: int
@@ -392,5 +462,5 @@ class Component:
 
 def make_report(facts: dict[str, Any]) -> ExtractReport:
     """The report of what the library says."""
-    levels = [LevelCounts(*counts) for counts in facts.pop("levels")]
-    return ExtractReport(levels=levels, **facts)
+    levels = facts.pop("levels")
+    return ExtractReport(levels=levels and [LevelCounts(*counts) for counts in levels], **facts)

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from ._command import environment, executable
+from ._command import environment, executable, without_urls
 from ._errors import Error
 from ._pyramid import Pyramid, _whole_path
 from ._sizes import DEFAULT_MEMORY, byte_size
@@ -33,14 +33,14 @@ _HOLD = '"$@" </dev/null & exec >/dev/null 2>&1; read -r _; kill $!; wait'
 class _PageServer:
     """A running ``isobrick serve`` of one volume, which ends with this object and with the process."""
 
-    def __init__(self, words: list[str]) -> None:
+    def __init__(self, words: list[str], urls: dict[str, str]) -> None:
         with tempfile.TemporaryFile("w+") as complaints:
             process = subprocess.Popen(
                 ["sh", "-c", _HOLD, "sh", *words],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=complaints,
-                env=environment(),
+                env=environment() | urls,
                 text=True,
                 start_new_session=True,  # Ctrl-C and the notebook's stop button are for the cell alone
             )
@@ -282,7 +282,8 @@ def show(
     key = (program, path, *words)
     server = _servers.get(key)
     if server is None or not server.is_running():
-        server = _servers[key] = _PageServer([program, "serve", path, *words])
+        shown, urls = without_urls([path])
+        server = _servers[key] = _PageServer([program, "serve", *shown, *words], urls)
     result = BrowserView(server, _fragment_of(server.key, isovalue, view), notebook, (str(width), str(height)))
     has_desktop = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
     if not in_notebook:

@@ -156,7 +156,7 @@ def extract(
     isovalue
         of the surface, or an ``isobrick.Query``
     **choice
-        focus, radius, level, view, curvature, or_finer, box, cap, simplify, drop_small, indices and inside, as of
+        focus, radius, level, view, curvature, or_finer, box, cap, simplify, drop_small and inside, as of
         ``isobrick.Query``
     """
     name = os.path.abspath(os.fspath(out))

@@ -166,6 +166,8 @@ NB_MODULE(_core, m) {
   m.def(
       "is_remote_path", [](const std::string& path) { return isobrick::isRemotePath(path); },
       nb::arg("path"));
+  m.def("is_remote_volume", &isobrick::isRemoteVolume, nb::arg("path"));
+  m.def("is_pyramid_file", &isobrick::isPyramidFile, nb::arg("path"));
   bindJoin(m);
   m.def("super_bricks", &arraySuperBricks, nb::arg("description"), nb::arg("settings"),
         nb::sig("def super_bricks(description: object, settings: object) -> list[tuple[str, "

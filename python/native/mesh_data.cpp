@@ -131,7 +131,7 @@ void MeshData::filled(const MeshFrame& frame, const Query& query, const Extracti
   fields_ = std::move(fields);
   value_bytes_.clear();
   value_bytes_.resize(fields_.size());
-  has_points_ = has_levels_ = has_caps_ = false;
+  is_of_pieces_ = has_points_ = has_levels_ = has_caps_ = false;
 }
 
 std::vector<VertexAttribute> attributesOf(const std::vector<MeshField>& fields) {
@@ -262,6 +262,7 @@ void MeshData::keepPieces(const PieceChoice& choice, const CancelFlag* cancel) {
   std::vector<std::uint8_t> is_kept(of_triangle.size());
   for (std::size_t t = 0; t < is_kept.size(); ++t) is_kept[t] = pieces[of_triangle[t]];
   surface_.keep(is_kept);
+  is_of_pieces_ = true;
   report_.triangles = triangles();
 }
 

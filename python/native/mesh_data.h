@@ -90,13 +90,15 @@ class MeshData {
   // Its connected pieces; `of_triangle`: of every triangle the place in the list.
   SurfaceComponents components(std::vector<std::uint32_t>& of_triangle,
                                const CancelFlag* cancel) const;
-  // Forgets the others. To be called after filled().
+  // Forgets the others, and what is known of levels of all of them. To be called after filled().
   void keepPieces(const PieceChoice& choice, const CancelFlag* cancel);
+  bool isOfPieces() const { return is_of_pieces_; }
 
  private:
   SurfaceMesh surface_;
   MeshFrame frame_;
   bool is_cut_ = false;  // by a box or a region
+  bool is_of_pieces_ = false;
   ExtractionReport report_;
   std::vector<MeshField> fields_;
   std::vector<std::unique_ptr<RoomyBytes>> value_bytes_;  // of each field; null: not asked for yet

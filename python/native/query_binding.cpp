@@ -55,16 +55,17 @@ ViewPoint readView(const nb::object& from) {
   return view;
 }
 
-// A `Detail` of Python; `indices`: focus and radius are in voxel indices.
-DetailChoice readDetail(const nb::object& from, const GridGeometry& geometry, bool indices) {
+// A `Detail` of Python.
+DetailChoice readDetail(const nb::object& from, const GridGeometry& geometry) {
   DetailChoice choice;
-  if (const auto focus = optionalOf<Doubles3>(from, "focus")) {
-    const double radius = optionalOf<double>(from, "radius").value_or(0);
-    const glm::dvec3 center = vectorOf(*focus);
-    choice.focus =
-        indices ? FocusSphere{center, radius}
-                : FocusSphere{geometry.worldToIndex(center), radius / geometry.leastSpacing()};
-  }
+  if (const auto focus = optionalOf<Doubles3>(from, "focus"))
+    choice.focus = FocusSphere{geometry.worldToIndex(vectorOf(*focus))};
+  if (const auto focus = optionalOf<Doubles3>(from, "focus_voxels"))
+    choice.focus = FocusSphere{vectorOf(*focus)};
+  if (choice.focus)
+    choice.focus->radius =
+        optionalOf<double>(from, "radius_voxels")
+            .value_or(optionalOf<double>(from, "radius").value_or(0) / geometry.leastSpacing());
   choice.uniform_level = optionalOf<int>(from, "level");
   choice.curvature_tolerance = optionalOf<double>(from, "curvature");
   if (!from.attr("view").is_none()) choice.view = readView(from.attr("view"));
@@ -95,9 +96,9 @@ std::shared_ptr<const Pyramid> pyramidOfMask(const MaskArray& array, const GridG
   return {held, held->pyramid.get()};
 }
 
-// A `_Region` of Python. `indices`: planes and spheres are in voxel indices.
-SurfaceRegion readRegion(const nb::object& from, const GridGeometry& geometry, const Index3& voxels,
-                         bool indices) {
+// A `_Region` of Python.
+SurfaceRegion readRegion(const nb::object& from, const GridGeometry& geometry,
+                         const Index3& voxels) {
   using Doubles4 = std::array<double, 4>;
   SurfaceRegion region;
   for (const nb::handle one : from.attr("masks")) {
@@ -108,38 +109,39 @@ SurfaceRegion readRegion(const nb::object& from, const GridGeometry& geometry, c
                                 : pyramidOfMask(nb::cast<MaskArray>(mask), geometry, voxels),
                             value});
   }
-  for (const nb::handle one : from.attr("planes")) {
-    const auto p = nb::cast<Doubles4>(one);
-    const glm::dvec3 normal(p[0], p[1], p[2]);
-    region.half_spaces.push_back(indices ? HalfSpace{normal, p[3]}
-                                         : halfSpaceInWorld(geometry, normal, p[3]));
-  }
-  for (const nb::handle one : from.attr("spheres")) {
-    const auto s = nb::cast<Doubles4>(one);
-    const glm::dvec3 center(s[0], s[1], s[2]);
-    region.balls.push_back(indices ? RegionBall{center, s[3]}
-                                   : ballInWorld(geometry, center, s[3]));
-  }
+  const auto rows = [&](const char* name) {
+    return nb::cast<std::vector<Doubles4>>(from.attr(name));
+  };
+  for (const auto& [x, y, z, d] : rows("planes"))
+    region.half_spaces.push_back(halfSpaceInWorld(geometry, {x, y, z}, d));
+  for (const auto& [x, y, z, d] : rows("planes_voxels"))
+    region.half_spaces.push_back(HalfSpace{{x, y, z}, d});
+  for (const auto& [x, y, z, radius] : rows("spheres"))
+    region.balls.push_back(ballInWorld(geometry, {x, y, z}, radius));
+  for (const auto& [x, y, z, radius] : rows("spheres_voxels"))
+    region.balls.push_back(RegionBall{{x, y, z}, radius});
   return region;
 }
 
 // A `_QuerySettings` of Python (isobrick/_query.py), for a volume of so many voxels.
 Query readQuery(const nb::object& from, const GridGeometry& geometry, const Index3& voxels) {
-  const bool indices = nb::cast<bool>(from.attr("indices"));
   Query query;
   query.isovalue = nb::cast<double>(from.attr("isovalue"));
   if (nb::cast<bool>(from.attr("is_below"))) query.inside = InsideOf::kBelow;
-  static_cast<DetailChoice&>(query) = readDetail(from.attr("detail"), geometry, indices);
+  static_cast<DetailChoice&>(query) = readDetail(from.attr("detail"), geometry);
   for (const nb::handle choice : from.attr("or_finer"))
-    query.or_finer.push_back(readDetail(nb::borrow(choice), geometry, indices));
-  if (const auto corners = optionalOf<std::array<Doubles3, 2>>(from, "box")) {
-    const QueryBox box{vectorOf((*corners)[0]), vectorOf((*corners)[1])};
-    query.box = indices ? box : indexBoxAround(box, geometry);
-  }
+    query.or_finer.push_back(readDetail(nb::borrow(choice), geometry));
+  using Corners = std::array<Doubles3, 2>;
+  if (const auto box = optionalOf<Corners>(from, "box"))
+    query.box = indexBoxAround({vectorOf((*box)[0]), vectorOf((*box)[1])}, geometry);
+  if (const auto box = optionalOf<Corners>(from, "box_voxels"))
+    query.box = QueryBox{vectorOf((*box)[0]), vectorOf((*box)[1])};
   query.cap = nb::cast<bool>(from.attr("cap"));
-  query.region = readRegion(from.attr("region"), geometry, voxels, indices);
+  query.region = readRegion(from.attr("region"), geometry, voxels);
   if (const auto distance = optionalOf<double>(from, "simplify"))
-    query.simplify = SimplifyOptions{*distance, !indices};
+    query.simplify = SimplifyOptions{*distance, true};
+  if (const auto distance = optionalOf<double>(from, "simplify_voxels"))
+    query.simplify = SimplifyOptions{*distance, false};
   if (nb::cast<bool>(from.attr("drop_small"))) {
     if (!query.simplify) query.simplify.emplace();  // `triangles` finds the distance
     query.simplify->drop_small = true;
@@ -190,8 +192,13 @@ nb::object mergeShares(const std::vector<std::string>& paths, const std::string&
   return result;
 }
 
-MeshFrame frameOf(const GridGeometry& geometry, const Index3& voxels, const Query& query) {
-  return {.geometry = geometry, .voxels = voxels, .inside = query.inside, .has_caps = query.cap};
+MeshFrame frameOf(const GridGeometry& geometry, const Index3& voxels, bool has_missing,
+                  const Query& query) {
+  return {.geometry = geometry,
+          .voxels = voxels,
+          .has_missing = has_missing,
+          .inside = query.inside,
+          .has_caps = query.cap};
 }
 
 CallOptions readCall(const nb::object& from) {
@@ -351,7 +358,8 @@ nb::object meshIndexPoints(const MeshHandle& mesh) {
   return nb::cast(nb::ndarray<nb::numpy, double, nb::ndim<2>>(data, 2, shape, owner));
 }
 
-nb::object reportOf(const ExtractionReport& report) {
+// Of some pieces of a surface levels are not counted: they are None.
+nb::object reportOf(const ExtractionReport& report, bool is_of_pieces) {
   nb::list levels;
   for (const LevelCounts& counts : report.levels)
     levels.append(nb::make_tuple(counts.level, counts.cells, counts.triangles,
@@ -359,7 +367,7 @@ nb::object reportOf(const ExtractionReport& report) {
   nb::dict result;
   result["is_complete"] = report.is_complete;
   result["triangles"] = report.triangles;
-  result["levels"] = levels;
+  result["levels"] = is_of_pieces ? nb::object(nb::none()) : nb::object(levels);
   result["bricks_active"] = report.bricks_active;
   result["bricks_read"] = report.bricks_read;
   result["bytes_active"] = report.bytes_active;
@@ -501,9 +509,9 @@ class Session {
       mesh = idleMesh();
       const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
                                            : extractor().extract(query, mesh->surface());
-      MeshFrame frame = frameOf(geometry(), pyramid_->spec().voxels, query);
-      frame.has_missing = pyramid_->spec().has_missing;
-      mesh->filled(frame, query, report, std::move(fields));
+      const auto& spec = pyramid_->spec();
+      mesh->filled(frameOf(geometry(), spec.voxels, spec.has_missing, query), query, report,
+                   std::move(fields));
       if (pieces.isGiven()) mesh->keepPieces(pieces, &state.cancel());
     });
     return {std::move(mesh)};
@@ -558,12 +566,21 @@ class Session {
                                                            .meshopt = meshopt});
       const NumberRun run = bricksOf(plan, share);
       std::optional<ComponentFilter> filter;
-      if (components) filter.emplace(*components, pieces.keptOf(*components), *sink);
+      std::vector<std::uint8_t> is_kept;
+      if (components) {
+        is_kept = pieces.keptOf(*components);
+        filter.emplace(*components, is_kept, *sink);
+      }
       report = extractor().execute(plan, run.first, run.count,
                                    filter ? static_cast<TriangleSink&>(*filter) : *sink);
+      if (components && !part) {
+        report.triangles = 0;
+        for (std::size_t i = 0; i < is_kept.size(); ++i)
+          if (is_kept[i] != 0) report.triangles += components->list()[i].triangles;
+      }
       vertices = sink->vertices();
     });
-    const nb::object result = reportOf(report);
+    const nb::object result = reportOf(report, pieces.isGiven());
     result["vertices"] = vertices;
     return result;
   }
@@ -676,7 +693,8 @@ nb::object isosurfaceOf(const VolumeInfo& info, const nb::object& settings,
     query.fraction_done = &state.fraction();
     std::vector<MeshField> fields = fieldsOf(wishes, query, nullptr, nullptr, state.cancel());
     const ExtractionReport report = extract(query, mesh->surface(), state);
-    mesh->filled(frameOf(info.geometry, info.voxels, query), query, report, std::move(fields));
+    mesh->filled(frameOf(info.geometry, info.voxels, false, query), query, report,
+                 std::move(fields));
     if (pieces.isGiven()) mesh->keepPieces(pieces, &state.cancel());
   });
   idle->forgetIfLarge(*mesh);
@@ -722,7 +740,8 @@ void bindQueries(nb::module_& module) {
                    "numpy.typing.NDArray[numpy.uint32]]"))
       .def("check", &checkMesh, nb::sig("def check(self) -> dict[str, typing.Any]"))
       .def(
-          "report", [](const MeshHandle& m) { return reportOf(m.data->report()); },
+          "report",
+          [](const MeshHandle& m) { return reportOf(m.data->report(), m.data->isOfPieces()); },
           nb::sig("def report(self) -> dict[str, typing.Any]"))
       .def("unit",
            [](const MeshHandle& m) {

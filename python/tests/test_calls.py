@@ -280,15 +280,15 @@ def test_the_command_of_the_package(tmp_path: Path) -> None:
 
 
 def test_a_query_is_what_its_keywords_are(head: Path, tmp_path: Path) -> None:
-    query = isobrick.Query(1324, focus=(64, 64, 30), radius=9, indices=True)
+    query = isobrick.Query(1324, focus_voxels=(64, 64, 30), radius_voxels=9)
     with isobrick.open(head) as pyramid:
-        wanted = pyramid.extract(1324, focus=(64, 64, 30), radius=9, indices=True)
+        wanted = pyramid.extract(1324, focus_voxels=(64, 64, 30), radius_voxels=9)
         session = pyramid.session()
         for mesh in (pyramid.extract(query), session.extract(query), list(session.progressive(query))[-1]):
             assert np.array_equal(mesh.points, wanted.points)
             assert np.array_equal(mesh.faces, wanted.faces)
         pyramid.extract_to(tmp_path / "query.ply", query)
-        pyramid.extract_to(tmp_path / "words.ply", 1324, focus=(64, 64, 30), radius=9, indices=True)
+        pyramid.extract_to(tmp_path / "words.ply", 1324, focus_voxels=(64, 64, 30), radius_voxels=9)
         assert (tmp_path / "query.ply").read_bytes() == (tmp_path / "words.ply").read_bytes()
         changed = pyramid.extract(query, focus=None, radius=None, level=1)
         assert np.array_equal(changed.points, pyramid.extract(1324, level=1).points)

@@ -55,7 +55,7 @@ def test_strides_are_taken_as_they_are(tmp_path, seed):
 def test_simplify_and_box(tmp_path):
     volume = _ball()
     _same(isobrick.isosurface(volume, 0, simplify=0.3), _of_pyramid(tmp_path, volume, 0, simplify=0.3))
-    half = isobrick.isosurface(volume, 0, box=((0, 0, 0), (23, 43, 39)), indices=True)
+    half = isobrick.isosurface(volume, 0, box_voxels=((0, 0, 0), (23, 43, 39)))
     assert 0 < len(half.faces) < 0.6 * len(isobrick.isosurface(volume, 0).faces)
 
 

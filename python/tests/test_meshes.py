@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import isobrick
+from isobrick._query import IN_SPACE
 from conftest import ball
 
 NAMES = ["head", "gyroid", "sphere", "torus", "marschner-lobb", "plane"]
@@ -76,14 +77,15 @@ def random_query(draw: random.Random, pyramid: isobrick.Pyramid) -> tuple[dict[s
         words += ["--curvature", repr(choice["curvature"])]
     if kind == "box":
         middle = [n / 2 for n in (nx, ny, nz)]
-        choice.update(box=((0, 0, 0), tuple(middle)), indices=True)
+        choice.update(box_voxels=((0, 0, 0), tuple(middle)))
         return choice, [*words, "--box", f"0,0,0,{','.join(map(repr, middle))}"]
     if kind == "simplify":
         distance = draw.uniform(0.05, 1)
         choice.update(simplify=distance)
         world = world and pyramid.unit == "millimetres"
         words += ["--simplify", f"{distance!r}{'mm' if world else ''}"]
-    choice.update(indices=not world)
+    if not world:
+        choice = {f"{name}_voxels" if name in IN_SPACE else name: value for name, value in choice.items()}
     return choice, [*words, *(["--world"] if world else [])]
 
 
@@ -176,10 +178,35 @@ def test_values_of_another_pyramid(tmp_path: Path) -> None:
     assert np.allclose(pyvista.read(tmp_path / "v.vtp")["value"], mesh.values)
 
 
-def test_indices_and_world_are_the_same_place(tmp_path: Path) -> None:
+def test_voxels_and_world_are_the_same_place(tmp_path: Path) -> None:
     isobrick.build(ball(40), tmp_path / "w.isb", spacing=(0.5, 0.5, 0.5), origin=(10, 20, 30))
     with isobrick.open(tmp_path / "w.isb") as pyramid:
-        by_index = pyramid.extract(0, focus=(10, 20, 30), radius=4, indices=True)
+        world = {
+            "box": ((10, 20, 30), (20, 30, 49)), "clip": (0, 1, 0, 28), "sphere": (19, 30, 39, 9), "simplify": 0.1,
+        }  # fmt: skip
+        voxels = {
+            "box_voxels": ((0, 0, 0), (20, 20, 38)), "clip_voxels": ((0, 16, 0), (0, 2, 0)),
+            "sphere_voxels": (18, 20, 18, 18), "simplify_voxels": 0.2,
+        }  # fmt: skip
+        cut = pyramid.extract(0, **world)
+        for name in voxels:  # one by one, beside the others in the world
+            mixed = {**world, name: voxels[name]}
+            del mixed[name.removesuffix("_voxels")]
+            assert np.array_equal(pyramid.extract(0, **mixed).points, cut.points)
+        query = isobrick.Query(0, **world)
+        assert np.array_equal(pyramid.extract(query, box_voxels=voxels["box_voxels"]).points, cut.points)
+        with pytest.raises(ValueError, match="give one of them"):
+            isobrick.Query(0, box=world["box"], box_voxels=voxels["box_voxels"])
+        with pytest.warns(FutureWarning, match="0.4"):
+            old = pyramid.extract(
+                0, focus=(10, 20, 30), radius=4, indices=True, or_finer=[isobrick.Detail((2, 2, 2), 3)]
+            )
+        now = pyramid.extract(
+            0, focus_voxels=(10, 20, 30), radius_voxels=4,
+            or_finer=[isobrick.Detail(focus_voxels=(2, 2, 2), radius_voxels=3)],
+        )  # fmt: skip
+        assert np.array_equal(old.points, now.points)
+        by_index = pyramid.extract(0, focus_voxels=(10, 20, 30), radius_voxels=4)
         by_world = pyramid.extract(0, focus=(15, 30, 45), radius=2)
         assert np.array_equal(by_index.points, by_world.points)
         assert np.allclose(by_index.index_points * 0.5 + [10, 20, 30], by_index.points, atol=1e-5)
@@ -247,9 +274,9 @@ def test_specks_go_if_that_is_asked(tmp_path: Path) -> None:
     array[2, 3, 4] = 5.0  # one voxel, whose surface has a box with a diagonal below the root of 3
     isobrick.build(array, tmp_path / "s.isb")
     with isobrick.open(tmp_path / "s.isb") as pyramid:
-        whole = pyramid.extract(0, simplify=1.8, indices=True)
-        dropped = pyramid.extract(0, simplify=1.8, drop_small=True, indices=True)
-        kept = pyramid.extract(0, simplify=0.5, drop_small=True, indices=True)
+        whole = pyramid.extract(0, simplify_voxels=1.8)
+        dropped = pyramid.extract(0, simplify_voxels=1.8, drop_small=True)
+        kept = pyramid.extract(0, simplify_voxels=0.5, drop_small=True)
         assert whole.points.min() < 3 < dropped.points.min() and kept.points.min() < 3
         with pytest.raises(isobrick.Error, match="drop_small goes with simplify"):
             pyramid.extract(0, drop_small=True)
@@ -290,7 +317,7 @@ def test_caps_make_a_solid(tmp_path: Path) -> None:
         caps = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
         assert caps == pytest.approx(2 * 8.5 * 0.5 * (29 + 40), rel=1e-5)
         assert sum(level.cap_triangles for level in mesh.report.levels) == mesh.caps.sum()
-        half = pyramid.extract(0, box=((0, 0, 0), (24, 10, 21)), indices=True, cap=True)
+        half = pyramid.extract(0, box_voxels=((0, 0, 0), (24, 10, 21)), cap=True)
         assert half.volume() == pytest.approx(8.5 * 0.5 * 10 * 40, rel=1e-5)
         mesh.save(tmp_path / "saved.ply")
         pyramid.extract_to(tmp_path / "written.ply", 0, cap=True)

@@ -65,6 +65,33 @@ PROGRAM = """
     wait_for(lambda: shown[-1][0]["focus"] != (60.0, 40.0, 64.0))
     x, y, z = shown[-1][0]["focus"]
     assert abs(x - 61.7) < 3 and abs(y - 52.3) < 3, (x, y, z)
+
+    # The surface is as fine as the picture shows, and follows the camera.
+    camera = getattr(viewer, "scene", viewer).camera
+    widget.set_focus(None)
+    complete = []
+    widget._worker.done.connect(lambda mesh, choice, seconds: mesh.is_complete and complete.append((choice, len(mesh.faces))))
+    camera.zoom = 0.3
+    widget.follow_camera(True)
+    def seen(pixels):
+        wait_for(lambda: complete and getattr(complete[-1][0].get("view"), "pixels_per_unit", 0) == pixels)
+        choice, triangles = complete[-1]
+        assert triangles == len(pyramid.extract(**choice).faces)
+        return triangles
+    far = seen(0.3)
+    for zoom in np.geomspace(0.4, 4, 20):  # a wheel that turns
+        camera.zoom = zoom
+        QApplication.processEvents()
+    near = seen(4)
+    assert near > 2 * far, (near, far)
+    eye = complete[-1][0]["view"].eye
+    camera.angles = (10, 60, 100)
+    wait_for(lambda: not np.allclose(complete[-1][0]["view"].eye, eye, rtol=0.01))
+    camera.perspective = 40
+    wait_for(lambda: complete[-1][0]["view"].pixels_per_unit is None)
+    widget.follow_camera(False)
+    wait_for(lambda: "view" not in shown[-1][0])
+    camera.perspective = 0
     viewer.reset_view()
     for _ in range(20):
         QApplication.processEvents()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 from numpy.typing import NDArray
 
 import isobrick
@@ -54,7 +55,7 @@ def test_pieces_that_are_kept(pyramid: isobrick.Pyramid) -> None:
     assert largest.check().is_solid
     assert largest.volume() == pytest.approx(VOLUME_OF_BALL * 4.5**3, rel=0.02)
     assert len(largest.components()) == 1
-    assert largest.report.triangles == len(largest.faces)
+    assert largest.report.triangles == len(largest.faces) and largest.report.levels is None
     assert largest.faces.max() == len(largest.points) - 1
     area_of_small = 4 * np.pi * 2.5**2
     assert len(pyramid.extract(0, drop_below=1.1 * area_of_small).components()) == 2
@@ -62,6 +63,7 @@ def test_pieces_that_are_kept(pyramid: isobrick.Pyramid) -> None:
     assert len(pyramid.extract(0, drop_below=1e9).faces) == 0
     session = pyramid.session()
     session.extract(0, keep_largest=2)
+    assert session.extract(0).report.levels is not None
     assert len(session.extract(0).components()) == 3  # memory of the former mesh is used again
 
 
@@ -84,6 +86,59 @@ def test_files_are_the_command_s(
 def test_several_isovalues(pyramid: isobrick.Pyramid) -> None:
     volumes = [mesh.volume() for mesh in pyramid.extract_each([0, 1, 2], keep_largest=1)]
     assert np.allclose(volumes, [VOLUME_OF_BALL * r**3 for r in (4.5, 4, 3.5)], rtol=0.03)
+
+
+def test_files_of_pieces_report_what_is_in_them(pyramid: isobrick.Pyramid, tmp_path: Path) -> None:
+    report = pyramid.extract_to(tmp_path / "a.ply", 0, keep_largest=1)
+    mesh = pyramid.extract(0, keep_largest=1)
+    assert (report.triangles, report.vertices, report.levels) == (len(mesh.faces), len(mesh.points), None)
+
+
+def test_the_last_of_progressive_queries_is_that_of_extract(pyramid: isobrick.Pyramid) -> None:
+    *_, last = pyramid.session().progressive(0, triangles=900, drop_small=True)
+    assert len(last.faces) <= 900
+    assert np.array_equal(last.points, pyramid.extract(0, triangles=900, drop_small=True).points)
+    *_, simplified = pyramid.session().progressive(0, simplify=0.3)
+    assert np.array_equal(simplified.points, pyramid.extract(0, simplify=0.3).points)
+    *_, whole = pyramid.session().progressive(0, triangles=10**6, drop_small=True)
+    assert len(whole.faces) == len(pyramid.extract(0).faces)
+
+
+def test_all_channels_and_times(tmp_path: Path) -> None:
+    stack = np.arange(2 * 2 * 20**3).reshape(2, 2, 20, 20, 20).astype(np.uint16)
+    axes = [{"name": "t", "type": "time"}, {"name": "c", "type": "channel"}]
+    axes += [{"name": name, "type": "space"} for name in "zyx"]
+    group = zarr.open_group(tmp_path / "run.ome.zarr", mode="w", zarr_format=2)
+    group.create_array("0", data=stack, chunks=(1, 1, 20, 20, 20))
+    scale = {"type": "scale", "scale": [1, 1, 1, 1, 1]}
+    group.attrs["multiscales"] = [
+        {"version": "0.4", "axes": axes, "datasets": [{"path": "0", "coordinateTransformations": [scale]}]}
+    ]
+    group.attrs["omero"] = {"channels": [{"label": "red", "color": "FF0000"}, {"label": "green", "color": "00FF00"}]}
+
+    run = tmp_path / "run.ome.zarr"
+    report = isobrick.build(run, tmp_path / "{channel}-{time}.isb", channel="all", time="all")
+    assert sorted(Path(one).name for one in report.outputs) == ["green-0.isb", "green-1.isb", "red-0.isb", "red-1.isb"]
+    for c, channel in enumerate(["red", "green"]):
+        for t in range(2):
+            with isobrick.open(tmp_path / f"{channel}-{t}.isb") as one:
+                assert np.array_equal(np.asarray(one.level(0))[:20, :20, :20], stack[t, c])
+    with pytest.raises(ValueError, match="channel"):
+        isobrick.build(run, tmp_path / "one.isb", channel="all")
+    with pytest.raises(ValueError, match="array"):
+        isobrick.build(stack[0, 0], tmp_path / "{channel}.isb", channel="all")
+    opened = isobrick.open_each(run, select={"time": 1}, cache_folder=tmp_path / "cache")
+    assert [one.provenance["channel"]["name"] for one in opened] == ["red", "green"]
+    assert [one.value_range[1] for one in opened] == [stack[1, c].max() for c in range(2)]
+
+
+def test_urls_are_not_among_the_words_of_processes(pyramid: isobrick.Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:
+    from isobrick import _by_command
+
+    monkeypatch.setenv("A_PYRAMID", pyramid.path)
+    assert _by_command.run_command("info", ["env:A_PYRAMID"], {})["dimensions"] == [72, 48, 40]
+    with pytest.raises(isobrick.Error, match="NO_PYRAMID"):
+        _by_command.run_command("info", ["env:NO_PYRAMID"], {})
 
 
 def test_units_of_arrays_and_files(tmp_path: Path) -> None:
@@ -157,13 +212,16 @@ def test_volumes_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_conversions(pyramid: isobrick.Pyramid, tmp_path: Path) -> None:
-    said = isobrick.convert(pyramid, tmp_path / "box.raw", level=1, box=((0, 0, 0), (20, 30, 38)))
+    said = isobrick.convert(pyramid, tmp_path / "box.raw", level=1, box_voxels=((0, 0, 0), (20, 30, 38)))
     assert said["output"] == str(tmp_path / "box.raw")
     voxels = np.fromfile(tmp_path / "box.raw", np.float32).reshape(20, 16, 11)
     assert np.array_equal(voxels, np.asarray(pyramid.level(1)[:20, :16, :11]))
     with pytest.raises(FileExistsError) as exists:
         isobrick.convert(pyramid, tmp_path / "box.raw")
     assert exists.value.path == str(tmp_path / "box.raw")  # type: ignore[attr-defined]
+    with pytest.warns(FutureWarning, match="box_voxels"):
+        isobrick.convert(pyramid, tmp_path / "box.raw", level=1, box=((0, 0, 0), (20, 30, 38)), force=True)
+    assert np.array_equal(np.fromfile(tmp_path / "box.raw", np.float32), voxels.ravel())
     with pytest.raises(ValueError, match="--tpye"):
         isobrick.convert(pyramid, tmp_path / "other.raw", tpye="f32")
 
@@ -177,6 +235,11 @@ def test_pictures(pyramid: isobrick.Pyramid, tmp_path: Path) -> None:
     assert (tmp_path / "a.png").stat().st_size > 100
     with pytest.raises(FileExistsError):
         isobrick.render(pyramid, 0, tmp_path / "a.png")
+    cut = isobrick.render(pyramid, 0, size=(80, 60), sphere=(19, 10, 10, 5))
+    assert np.array_equal(cut, isobrick.render(pyramid, 0, size=(80, 60), sphere_voxels=(38, 20, 20, 10)))
+    assert not np.array_equal(cut, isobrick.render(pyramid, 0, size=(80, 60)))
+    with pytest.raises(ValueError, match="all in one"):
+        isobrick.render(pyramid, 0, focus=(1, 2, 3), radius_voxels=3)
 
 
 def test_doctests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Tries the plugin for ParaView in pvbatch and in the client under Xvfb, with a picture and a state of each:
 #   tests/house/paraview_plugin.sh PYTHON [OUT_FOLDER]
-# PYTHON has the module isobrick; ParaView 5.11 is Debian's: apt install paraview python3-paraview. Ends with
+# PYTHON has the module isobrick; ParaView 5.11, or 5.13 of Debian 13: apt install paraview python3-paraview. Ends with
 # "paraview: works".
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)

@@ -1,13 +1,18 @@
 #!/usr/bin/env bash
-# Installs the wheel of tools/build_wheel.sh in a bare Debian 12 with nothing but python3, and uses it:
-#   tests/house/wheel_in_bare_root.sh [WHEEL] [DICOM_FOLDER] [WORK_FOLDER]
+# Installs a wheel of tools/build_wheel.sh in a bare Debian with nothing but python3, and uses it:
+#   tests/house/wheel_in_bare_root.sh [WHEEL] [DICOM_FOLDER] [WORK_FOLDER] [SUITE]
+# SUITE: bookworm (Python 3.11), or trixie (3.13). Without WHEEL it is the one of build/wheel for that.
 # Needs root (chroot), debootstrap, the Debian mirror that apt is set up for, and PyPI for numpy and pip. Builds a
 # pyramid of the folder of DICOM, by the module and by the command; extracts, renders, and runs the viewer
-# off screen. Ends with "wheel: works". The root as debootstrap made it lies in WORK_FOLDER and is used again.
+# off screen. Ends with "wheel: works with Python …". The root as debootstrap made it lies in WORK_FOLDER and is used again.
 set -euo pipefail
 source=$(cd "$(dirname "$0")/../.." && pwd)
 wheel=${1:-}
-[ -n "$wheel" ] || wheel=$(echo "$source"/build/wheel/isobrick-*.whl)
+suite=${4:-bookworm}
+if [ -z "$wheel" ]; then
+  [ "$suite" = bookworm ] && interface=cp311-cp311 || interface=cp312-abi3
+  wheel=$(echo "$source"/build/wheel/isobrick-*-$interface-*.whl)
+fi
 dicom=${2:-}
 [ -n "$dicom" ] || dicom=$source/../shared/data/vhf_head_ct/dicom
 given=${3:-}
@@ -20,10 +25,12 @@ cleanUp() {
 }
 trap cleanUp EXIT
 
-makeRoot bookworm "$work" "$root"
+makeRoot "$suite" "$work" "$root"
 inRoot "$root" root apt-get install -y -qq --no-install-recommends python3 >/dev/null
 mkdir -p "$root/tmp/try/wheels"
-/usr/bin/python3 -m pip download -q --no-deps -d "$root/tmp/try/wheels" numpy pip
+version=$(inRoot "$root" root python3 -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+/usr/bin/python3 -m pip download -q --no-deps --only-binary :all: --python-version "$version" \
+  -d "$root/tmp/try/wheels" numpy pip
 cp "$wheel" "$root/tmp/try/wheels/"
 cp -r "$dicom" "$root/tmp/try/dicom"
 
@@ -57,4 +64,4 @@ inTry 'export PYTHONPATH=module; isobrick="python3 module/bin/isobrick" &&
   $isobrick render command.isb --iso auto --size 200x200 -o bone.png &&
   $isobrick view command.isb --offscreen --script view.json --size 200x200 && ls -l bone.png view.png'
 cp "$root"/tmp/try/*.png "$work/" 2>/dev/null || true
-echo "wheel: works"
+echo "wheel: works with Python $version"

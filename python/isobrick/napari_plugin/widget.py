@@ -1,4 +1,4 @@
-"""The dock widget: histogram, isovalue, focus on double click, simplification; the surface follows."""
+"""The dock widget: histogram, isovalue, focus on double click, simplification, the camera; the surface follows."""
 
 from __future__ import annotations
 
@@ -6,9 +6,18 @@ import math
 from typing import Any
 
 import numpy as np
-from qtpy.QtCore import QPointF, QRectF, Qt, Signal
+from qtpy.QtCore import QPointF, QRectF, Qt, QTimer, Signal
 from qtpy.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent
-from qtpy.QtWidgets import QComboBox, QDoubleSpinBox, QFormLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from qtpy.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QDoubleSpinBox,
+    QFormLayout,
+    QLabel,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 import isobrick
 
@@ -85,7 +94,8 @@ def _number(low: float, high: float, decimals: int = 2) -> QDoubleSpinBox:
 
 class SurfaceWidget(QWidget):  # type: ignore[misc]
     """Isosurfaces of the pyramids that are open in a viewer. A double click puts the focus there: on the
-    surface in 3D, on the plane in 2D."""
+    surface in 3D, on the plane in 2D. If it follows the camera, the surface in 3D is as fine as the picture can show,
+    and gets finer where one looks closer."""
 
     def __init__(self, napari_viewer: Any) -> None:
         super().__init__()
@@ -106,6 +116,10 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         self._level = _number(0, 19, 0)
         self._simplify = _number(0, 1e6, 3)
         self._simplify.setSpecialValueText("off")
+        self._follows = QCheckBox("as fine as the picture shows")
+        self._moved = QTimer(self)  # a moving camera asks some times a second
+        self._moved.setSingleShot(True)
+        self._moved.setInterval(40)
         suggest = QPushButton("next suggestion")
 
         form = QFormLayout()
@@ -115,6 +129,7 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         form.addRow("radius", self._radius)
         form.addRow("level", self._level)
         form.addRow("simplify within", self._simplify)
+        form.addRow("in 3D", self._follows)
         layout = QVBoxLayout(self)
         layout.addWidget(self._histogram)
         layout.addLayout(form)
@@ -126,6 +141,11 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         self._choice.currentIndexChanged.connect(self._begin)
         for box in (self._isovalue, self._radius, self._level, self._simplify):
             box.valueChanged.connect(self._ask)
+        self._follows.toggled.connect(self._ask)
+        self._moved.timeout.connect(self._ask)
+        camera = self._camera().events
+        for event in (camera.center, camera.zoom, camera.angles, camera.perspective, napari_viewer.dims.events.ndisplay):
+            event.connect(self._follow)
         for event in (napari_viewer.layers.events.inserted, napari_viewer.layers.events.removed):
             event.connect(self._list)
         napari_viewer.mouse_double_click_callbacks.append(self._double_click)
@@ -139,6 +159,9 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
 
     def set_isovalue(self, isovalue: float) -> None:
         self._isovalue.setValue(isovalue)
+
+    def follow_camera(self, follows: bool) -> None:
+        self._follows.setChecked(follows)
 
     def set_focus(self, focus: tuple[float, float, float] | None, radius: float = 0.0) -> None:
         """(x, y, z) in world units."""
@@ -185,6 +208,32 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
             at = min(range(len(values)), key=lambda i: abs(values[i] - self._isovalue.value()))
             self._isovalue.setValue(values[(at + 1) % len(values)])
 
+    def _camera(self) -> Any:
+        return getattr(self._viewer, "scene", self._viewer).camera  # napari 0.9 moved it
+
+    def _follow(self, event: Any = None) -> None:
+        if self._follows.isChecked() and not self._moved.isActive():
+            self._moved.start()
+
+    def _view(self) -> isobrick.View | None:
+        """From where the viewer looks, if the surface follows that."""
+        if not self._follows.isChecked() or self._viewer.dims.ndisplay != 3:
+            return None
+        camera = self._camera()
+        center = np.asarray(camera.center, float)[::-1]
+        direction = np.asarray(camera.view_direction, float)[::-1]
+        size = self.window().size()  # of the window: the picture in it is no larger
+        least, diagonal = min(size.width(), size.height()), math.hypot(size.width(), size.height())
+        if not camera.perspective:
+            eye = center - diagonal / camera.zoom * direction
+            return isobrick.View(
+                tuple(eye), tuple(center), pixels_per_unit=camera.zoom, field_radius=diagonal / camera.zoom / 2
+            )
+        half = math.radians(camera.perspective) / 2
+        eye = center - least / camera.zoom / (2 * math.tan(half)) * direction
+        field = 2 * math.degrees(math.atan(math.tan(half) * diagonal / least))
+        return isobrick.View(tuple(eye), tuple(center), pixels_per_radian=least / (2 * half), field_of_view=field)
+
     def _ask(self) -> None:
         pyramid = self.pyramid()
         if pyramid is None:
@@ -194,11 +243,13 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         if self._radius.value() > 0:
             middle = pyramid.affine @ [*(n / 2 for n in pyramid.shape[::-1]), 1]
             choice.update(focus=self._focus or tuple(middle[:3]), radius=self._radius.value())
-        elif self._level.value() > 0:
+        elif self._level.value() > 0 and not self._follows.isChecked():
             choice.update(level=int(self._level.value()))
         if self._simplify.value() > 0:
             choice.update(simplify=self._simplify.value())
-        self._worker.request(pyramid, **choice)
+        if view := self._view():
+            choice.update(view=view)
+        self._worker.request(pyramid, refines=view is not None, **choice)
 
     def _show(self, mesh: isobrick.Mesh, choice: dict[str, Any], seconds: float) -> None:
         # From (x, y, z) to (z, y, x): a reflection, which the faces make up for.
@@ -209,8 +260,7 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
             return
         # Lit from where the viewer looks now, by the mesh's own normals: napari would compute others, which
         # takes longer than everything else here.
-        camera = getattr(self._viewer, "scene", self._viewer).camera  # napari 0.9 moved it
-        light = np.abs(mesh.normals @ np.asarray(camera.view_direction[::-1], np.float32))
+        light = np.abs(mesh.normals @ np.asarray(self._camera().view_direction[::-1], np.float32))
         data = (mesh.points[:, ::-1], mesh.faces[:, ::-1].astype(np.int32), light)
         if self._layer is None or self._layer not in self._viewer.layers:
             image = self._choice.currentData()
@@ -222,7 +272,10 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
             self._layer.data = data
             if not self._layer.visible:
                 self._layer.visible = True
-        self._status.setText(f"{len(mesh.faces):,} triangles in {1e3 * seconds:.0f} ms, isovalue {choice['isovalue']:g}")
+        self._status.setText(
+            f"{len(mesh.faces):,} triangles in {1e3 * seconds:.0f} ms, isovalue {choice['isovalue']:g}"
+            f"{'' if mesh.is_complete else ', refining'}"
+        )
 
     def _double_click(self, viewer: Any, event: Any) -> None:
         pyramid = self.pyramid()

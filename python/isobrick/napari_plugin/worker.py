@@ -26,16 +26,20 @@ class LatestWorker(QObject):  # type: ignore[misc]
         self._pyramid: isobrick.Pyramid | None = None  # of the session
         self._session: isobrick.Session | None = None
         self._wanted: tuple[isobrick.Pyramid, dict[str, Any]] | None = None
+        self._refines = False  # what is wanted
+        self._has_shown = False  # a mesh of what is extracted now
         self._cancel = isobrick.Cancel()
         self._ends = False
         self._thread = threading.Thread(target=self._run, name="isobrick-napari", daemon=True)
         self._thread.start()
 
-    def request(self, pyramid: isobrick.Pyramid, **choice: Any) -> None:
-        """As Session.extract takes it."""
+    def request(self, pyramid: isobrick.Pyramid, *, refines: bool = False, **choice: Any) -> None:
+        """As Session.extract takes it; ``refines``: as Session.progressive does, whose first mesh a request of this
+        kind lets come, so that a camera that moves is followed."""
         with self._changed:
-            self._wanted = (pyramid, choice)
-            self._cancel.request()
+            self._wanted, self._refines = (pyramid, choice), refines
+            if self._has_shown or not refines:
+                self._cancel.request()
             self._changed.notify()
 
     def end(self) -> None:
@@ -52,16 +56,22 @@ class LatestWorker(QObject):  # type: ignore[misc]
                 self._changed.wait_for(lambda: self._wanted is not None or self._ends)
                 if self._ends or self._wanted is None:
                     return
-                pyramid, choice = self._wanted
-                self._wanted = None
+                (pyramid, choice), refines = self._wanted, self._refines
+                self._wanted, self._has_shown = None, False
                 self._cancel = isobrick.Cancel()
             try:
                 if self._session is None or pyramid is not self._pyramid:
                     self._pyramid, self._session = pyramid, pyramid.session()
                 began = time.perf_counter()
-                mesh = self._session.extract(**choice, cancel=self._cancel)
-                mesh.points  # noqa: B018  made here, and not on the interface's thread
-                self.done.emit(mesh, choice, time.perf_counter() - began)
+                query = self._session.progressive if refines else self._session.extract
+                answer = query(**choice, cancel=self._cancel)
+                for mesh in [answer] if isinstance(answer, isobrick.Mesh) else answer:
+                    mesh.points  # noqa: B018  made here, and not on the interface's thread
+                    self.done.emit(mesh, choice, time.perf_counter() - began)
+                    with self._changed:
+                        self._has_shown = True
+                        if self._wanted is not None:
+                            break
             except isobrick.Cancelled:
                 continue
             except isobrick.Error as error:

@@ -56,10 +56,10 @@ def progressive_query():
     """From opening the pyramid to its first surface, and to the last one."""
     import isobrick
 
-    point = {"focus": layout["focus"], "radius": max(layout["shape"]) // 10} if "focus" in name else {}
+    point = {"focus_voxels": layout["focus"], "radius_voxels": max(layout["shape"]) // 10} if "focus" in name else {}
     begin, row = time.perf_counter(), {}
     session = isobrick.open(layout["pyramid"]).session()
-    for mesh in session.progressive(layout["isovalue"], indices=True, threads=threads, **point):
+    for mesh in session.progressive(layout["isovalue"], threads=threads, **point):
         row["triangles"] = len(mesh.faces)
         row["seconds"] = [time.perf_counter() - begin]
         row.setdefault("first", row["seconds"])
