@@ -57,7 +57,7 @@ class CommandFaults : public CommandTest {
   };
   // Which kinds of calls fail how often: at night all, or a thousand spread over all.
   static std::vector<std::uint64_t> numbersOf(std::uint64_t count, bool for_good) {
-    constexpr std::uint64_t kMost = 1000, kUsual = 16, kUsualForGood = 6;
+    constexpr std::uint64_t kMost = 1000, kUsual = 10, kUsualForGood = 4;
     if (environmentSays("ISOBRICK_ALL_FAULTS") && count <= kMost) return faultNumbers(count, count);
     return faultNumbers(count, environmentSays("ISOBRICK_ALL_FAULTS") ? kMost
                                : for_good                             ? kUsualForGood

@@ -249,7 +249,7 @@ TEST_F(ServeFaults, SaysSoAndGoesOn) {
   for (const FaultKind kind : kFaultKinds)
     for (const bool for_good : {false, true}) {
       const bool at_night = environmentSays("ISOBRICK_ALL_FAULTS");
-      const std::uint64_t most = at_night ? 200 : for_good ? 3 : 6;
+      const std::uint64_t most = at_night ? 200 : for_good ? 2 : 4;
       const std::uint64_t count = counts[nameOf(kind)];
       int errors = 0, wrong = 0;
       std::vector<std::uint64_t> numbers;

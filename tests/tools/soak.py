@@ -65,8 +65,8 @@ class Held:
 def check_level(warm: Held, end: Held) -> None:
     print(f"warm: {warm}; at the end: {end}")
     check(end.bytes <= warm.bytes + MOST_GROWTH, "memory grows")
-    check(end.files <= warm.files, "descriptors grow")
-    check(end.threads <= warm.threads, "threads grow")
+    check(end.files <= warm.files + 4, "descriptors grow")
+    check(end.threads <= warm.threads + 4, "threads grow")  # workers come and go
 
 
 def check_mesh(mesh: Path, voxels: int) -> None:
