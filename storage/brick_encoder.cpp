@@ -206,7 +206,6 @@ bool isHeaderSound(const BloscHeader& header, format::Codec codec, std::size_t s
   const unsigned flags = compressor << kCompressorShift;
   const std::uint32_t element = header.element_bytes;
   return header.version == BLOSC_VERSION_FORMAT &&
-         // NOLINTNEXTLINE(bugprone-branch-clone): the same number, so far
          header.compressor_version == (codec == format::Codec::kZstd ? BLOSC_ZSTD_VERSION_FORMAT
                                                                      : BLOSC_LZ4_VERSION_FORMAT) &&
          (header.flags & ~(BLOSC_DOSHUFFLE | kDoNotSplit)) == flags &&
