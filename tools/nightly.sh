@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# All that takes a night: both rings with four times all random tries and every fault, clang-tidy and cppcheck, the sanitizer for
-# threads, fresh machines of both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
+# All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads,
+# fresh machines of both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
 #   tools/nightly.sh
 # Needs root and debootstrap for the fresh machines.
 set -euo pipefail
@@ -16,7 +16,6 @@ part() {
   echo "${said[-1]}"
 }
 part rings tools/test.sh behaviour house-tests python asan-ubsan
-part lint tests/house/lint.sh
 part threads tests/house/tsan.sh
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb
