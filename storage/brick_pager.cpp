@@ -108,7 +108,7 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
   slot->is_used = !std::exchange(slot->is_ahead, false);
   slot->query = query_.load(std::memory_order_relaxed);
   if (!isToBeChecked(*slot)) return dataOf(*slot);
-  const std::shared_ptr<Entry> entry = slot;
+  const std::shared_ptr<Entry> entry = slot;  // NOLINT(performance-*): it stays while it is checked
   lock.unlock();
   return checkAnew(shard, *entry);
 }

@@ -19,7 +19,7 @@ part() {
 part rings tools/test.sh behaviour house-tests python asan-ubsan
 part every-byte env ISOBRICK_REPETITIONS=40000 build/release/tests/isobrick_storage_tests --gtest_filter='*EveryByte.IsFound*'
 part repair env ISOBRICK_REPETITIONS=1000 build/release/tests/isobrick_preprocess_tests --gtest_filter='*Repair.Gives*'
-part threads tools/test.sh tsan
+part threads tests/house/tsan.sh
 part soak tests/house/soak.sh
 part fuzz bash -c 'cmake --preset fuzz && cmake --build --preset fuzz -j2 && tests/fuzz/run.sh all 60'
 part bookworm tests/house/debian.sh bookworm --deb

@@ -5,7 +5,7 @@
 #                                  guard the house (label `house`: nested builds, other programs, drivers, the .deb);
 #                                  the Python module with its tests and those of the documents; the sanitizers
 #   tools/test.sh STEP...          single steps: behaviour, house-tests, python, or a preset of CMakePresets.json
-#                                  (dev, asan-ubsan, tsan, clang), of which all tests run
+#                                  (dev, asan-ubsan, clang), of which all tests run; for tsan: tests/house/tsan.sh
 # With CI=true the presets are those of CI, which take warnings as errors.
 # Tests on scans run where the real volumes are (../shared/data); ISOBRICK_REQUIRE_DATA=1 makes it a failure
 # that they are not, ISOBRICK_REQUIRE_ALL=1 that anything else is skipped. ISOBRICK_REPETITIONS=N: random tests try

@@ -364,6 +364,7 @@ class RecordReader {
     if (next_ == list_.shares().size()) return false;
     const ShareList::Share& share = list_.shares()[next_++];
     file_ = std::make_unique<ShareFile>(share.path);
+    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison): as files, it has no padding
     if (std::memcmp(&file_->header(), &share.header, sizeof share.header) != 0)
       failShare(share.path, "changed while it was merged; merge again");
     at_ = sizeof(ShareHeader);

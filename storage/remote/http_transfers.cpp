@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <condition_variable>
 #include <cstdlib>
 #include <list>
@@ -86,7 +87,7 @@ class Exchange {
     set(CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(1000 * HttpTransfers::kConnectSeconds));
     set(CURLOPT_TIMEOUT_MS, static_cast<long>(1000 * HttpTransfers::kMostSeconds));
     set(CURLOPT_LOW_SPEED_LIMIT, kLeastRate);
-    set(CURLOPT_LOW_SPEED_TIME, std::max(1L, static_cast<long>(stall_seconds + 0.5)));
+    set(CURLOPT_LOW_SPEED_TIME, std::max(1L, std::lround(stall_seconds)));
     set(CURLOPT_NOSIGNAL, 1L);
     set(CURLOPT_QUICK_EXIT, 1L);  // a name that does not resolve delays no exit
     set(CURLOPT_ERRORBUFFER, error_.data());

@@ -52,13 +52,7 @@ class Soak : public testing::Test {
  protected:
   static constexpr std::uint64_t kQueries = 12;
   static constexpr int kThreads = 4;
-  // Threads of TBB, which is not instrumented: to ThreadSanitizer all that one of them hands to
-  // another is a race. So there each thread meshes alone, beside those that read.
-#if defined(__SANITIZE_THREAD__)
-  static constexpr int kMeshers = 1;
-#else
   static constexpr int kMeshers = 2;
-#endif
 
   struct Scene {
     std::string path;
@@ -200,8 +194,7 @@ class Soak : public testing::Test {
     return pages * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
   }
 
-  const tbb::global_control most_threads_{tbb::global_control::max_allowed_parallelism,
-                                          kMeshers == 1 ? 1u : kThreads};
+  const tbb::global_control most_threads_{tbb::global_control::max_allowed_parallelism, kThreads};
   const TemporaryFolder folder_;
   Scene scenes_[3];
   std::uint64_t right_[kQueries] = {};

@@ -150,7 +150,7 @@ void PlaneSet::begin(SliceStore& store, Job job, SliceImage image) {
   if (!isOfUse(job)) return;
   try {
     const SliceId id = store.reserveSlice(image.width, image.height);
-    uploading_ = Upload{std::move(job), std::move(image), id, 0};
+    uploading_ = Upload{job, std::move(image), id, 0};
     error_.clear();
   } catch (const RendererLost&) {
     throw;

@@ -190,7 +190,7 @@ class StepReader {
     for (const char character : textOf(value, where)) {
       if (character < ' ' || character > '~') refuse(where + " is not plain ASCII");
       InputEvent typed = event(InputEvent::Kind::kText);
-      typed.character = static_cast<unsigned>(character);
+      typed.character = static_cast<unsigned char>(character);
       steps_.emplace_back(ScriptEvent{typed});
     }
   }

@@ -35,6 +35,7 @@ std::string missingVolume(const ViewState& state, std::size_t besides) {
 
 }  // namespace
 
+// NOLINTNEXTLINE(performance-unnecessary-value-param): as the other one
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
                          const SessionOptions& options)
     : ViewSession(pyramid, histogramOf(*pyramid), renderer, options) {}
