@@ -41,7 +41,7 @@ bool SuperBrickInput::hasRoomFor(std::int64_t slices) const {
   const VolumeInfo& info = source_->info();
   const auto bytes = static_cast<std::uint64_t>(info.voxels.x * info.voxels.y * slices) *
                      voxelBytes(info.voxel_type);
-  return freeBytesAt(folder_).value_or(0) / 3 >= bytes;
+  return diskSpaceAt(folder_).value_or(DiskSpace{}).free / 3 >= bytes;
 }
 
 }  // namespace isobrick

@@ -48,10 +48,11 @@ std::uint64_t fileBytes(const fs::path& path) {
   return bytes;
 }
 
-std::optional<std::uint64_t> freeBytesAt(const fs::path& path) {
+std::optional<DiskSpace> diskSpaceAt(const fs::path& path) {
   std::error_code failure;
   const fs::space_info space = fs::space(path, failure);
-  return failure || space.capacity == 0 ? std::nullopt : std::optional(space.available);
+  if (failure || space.capacity == 0) return std::nullopt;
+  return DiskSpace{space.available, space.capacity};
 }
 
 fs::path absolutePath(const fs::path& path) {

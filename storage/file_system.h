@@ -29,8 +29,12 @@ bool isSameFile(const std::filesystem::path& a, const std::filesystem::path& b);
 
 // Throws Error if it cannot be found out.
 std::uint64_t fileBytes(const std::filesystem::path& path);
-// For any user, in the file system of `path`; nothing if it cannot tell.
-std::optional<std::uint64_t> freeBytesAt(const std::filesystem::path& path);
+// Bytes of the file system of `path`; nothing if it cannot tell.
+struct DiskSpace {
+  std::uint64_t free = 0;  // for any user
+  std::uint64_t capacity = 0;
+};
+std::optional<DiskSpace> diskSpaceAt(const std::filesystem::path& path);
 
 // From the root on, without "." and "..". Throws Error if the current folder is gone.
 std::filesystem::path absolutePath(const std::filesystem::path& path);

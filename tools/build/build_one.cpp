@@ -81,10 +81,9 @@ void warnOfFullCache(const std::string& folder, std::uint64_t bytes) {
   std::uint64_t held = bytes;
   for (const CachedPyramid& entry : listCache(folder)) held += entry.bytes;
   held = std::min(held, std::max(bytes, cacheBound()));
-  std::error_code failure;
-  const std::filesystem::space_info disk = std::filesystem::space(folder, failure);
-  const std::uint64_t free = disk.available - std::min<std::uint64_t>(disk.available, bytes);
-  if (!failure && free < disk.capacity / 10)
+  const DiskSpace disk = diskSpaceAt(folder).value_or(DiskSpace{});
+  const std::uint64_t free = disk.free - std::min(disk.free, bytes);
+  if (free < disk.capacity / 10)
     warn(fmt::format("leaves {} of the disk's {} free with this pyramid", byteSizeText(free),
                      byteSizeText(disk.capacity)));
   else if (held > kManyBytes && std::getenv("ISOBRICK_CACHE_SIZE") == nullptr)

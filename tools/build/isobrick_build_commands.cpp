@@ -9,10 +9,11 @@
 namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) {
-  // People know the last three as commands of `isobrick`, which becomes this executable for volumes.
-  std::vector<Command> commands = {addBuildCommand(app), addConvertCommand(app),
+  // People know the last three as commands of `isobrick`, which becomes this executable for
+  // volumes.
+  std::vector<Command> commands = {addBuildCommand(app),         addConvertCommand(app),
                                    addVolumeFormatsCommand(app), addExtractCommand(app),
-                                   addMergeCommand(app), addVerifyCommand(app)};
+                                   addMergeCommand(app),         addVerifyCommand(app)};
   for (std::size_t i = 3; i < commands.size(); ++i) commands[i].parser->group("");
   return commands;
 }
