@@ -1,5 +1,7 @@
 #include "isobrick/storage/file_system.h"
 
+#include <new>
+
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 
@@ -101,9 +103,10 @@ std::error_code removeName(const fs::path& path) {
   return failure;
 }
 
-void removeTree(const fs::path& path) noexcept {
+void removeTree(const fs::path& path) noexcept try {
   std::error_code ignored;
   fs::remove_all(path, ignored);
+} catch (const std::bad_alloc&) {  // to look into a folder takes memory
 }
 
 bool FolderMember::isRegularFile() const {

@@ -174,7 +174,7 @@ TEST_F(BuildCommandTest, PreviewsComeWithALineForProgramsAndGo) {
   runWell({"build", "phantom:sphere:160", "-o", "b.isb"});
   EXPECT_TRUE(readBytes(path("a.isb")) == readBytes(path("b.isb")));
   expectFailure(2, {"build", "phantom:sphere:160", "--preview-folder", "previews"},
-                "lines of progress");
+                "goes with --progress-lines");
 }
 
 TEST_F(BuildCommandTest, APyramidOfAnotherInputNeedsForce) {

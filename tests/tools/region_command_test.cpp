@@ -37,7 +37,7 @@ TEST_F(RegionCommandTest, PlanesAndSpheresCutInVoxelsOrInTheWorld) {
 
 TEST_F(RegionCommandTest, LengthsHaveUnits) {
   expectFailure(1, {"extract", "head.isb", "--iso", "900", "--sphere", "0,0,0,5mm"},
-                "the unit of the volume");
+                "that of the volume is unknown");
   for (const Words& place : {Words{"--input-unit", "um"}, {"--spacing", "0.5,0.5,0.5um"}}) {
     Words build = {"build", "head.nrrd", "-o", "um.isb", "--force", "--rebuild"};
     build.insert(build.end(), place.begin(), place.end());

@@ -74,8 +74,8 @@ void warnOfFullCache(const std::string& folder, std::uint64_t bytes) {
   constexpr std::uint64_t kManyBytes = 8'000'000'000;
   const auto warn = [&](const std::string& what) {
     fmt::print(stderr,
-               "{}the cache in '{}' {}; name another folder with --cache-folder, bound it with "
-               "ISOBRICK_CACHE_SIZE, or empty it with 'isobrick cache --clear'\n",
+               "{}the cache in '{}' {}; choose another folder with XDG_CACHE_HOME, bound it "
+               "with ISOBRICK_CACHE_SIZE, or empty it with 'isobrick cache'\n",
                kWarningWord, oneLine(folder), what);
   };
   std::uint64_t held = bytes;

@@ -4,6 +4,8 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <cstddef>
+#include <new>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/window/panel_controls.h"
@@ -12,6 +14,9 @@
 namespace isobrick {
 
 ViewPanel::ViewPanel(double scale, Clipboard& clipboard) : scale_(scale), clipboard_(clipboard) {
+  // ImGui writes to what it gets without a look; a failure has to be thrown.
+  ImGui::SetAllocatorFunctions([](std::size_t bytes, void*) { return ::operator new(bytes); },
+                               [](void* memory, void*) { ::operator delete(memory); });
   ImGui::CreateContext();
   ImGuiIO& io = ImGui::GetIO();
   io.ClipboardUserData = this;
