@@ -29,6 +29,8 @@ if [ "${1:-}" != --source ]; then
   # What the package was made of, so that nothing is compiled twice.
   cmake --install "$work/$name/build/debian" --prefix "$work/prefix" --strip >"$work/install.log"
   (cd "$work/$name" && ISOBRICK_PREFIX=$work/prefix tools/build_wheel.sh "$work/wheel")
+  [ "$(find "$work/wheel" -name '*manylinux*.whl' | wc -l)" -ge 2 ] ||
+    fail "one wheel only; name a Python 3.11 and one from 3.12 on in ISOBRICK_PYTHONS"
   cp "$work"/wheel/isobrick-*manylinux*.whl "$out/"
   cp tools/container/Containerfile tools/container/isobrick.def "$out/"
 fi

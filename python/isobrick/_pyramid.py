@@ -571,6 +571,11 @@ def open_each(
     from ._by_command import run_command
 
     facts = run_command("info", [_whole_path(os.fspath(path))], {"select": select})
+    if "time_steps" not in facts:
+        raise Error(
+            f"{os.fspath(path)!r} has a pyramid, or is one, which holds a single {key}; build each with "
+            f'isobrick.build(..., {key}="all"), or take the pyramid out of the way'
+        )
     count = len(facts["channels"]) if key == "channel" else facts["time_steps"]
     return [open(path, select={**(select or {}), key: number}, **arguments) for number in range(max(count, 1))]
 

@@ -256,7 +256,9 @@ class Query:
                 object.__setattr__(self, f"{name}_voxels", getattr(self, name))
                 object.__setattr__(self, name, None)
         finer = [
-            replace(one, focus=None, radius=None, focus_voxels=one.focus, radius_voxels=one.radius)
+            one
+            if one.focus is None
+            else replace(one, focus=None, radius=None, focus_voxels=one.focus, radius_voxels=one.radius)
             for one in self.or_finer
         ]
         object.__setattr__(self, "or_finer", tuple(finer))

@@ -86,6 +86,8 @@ threading.Thread(target=say).start()
 def test_the_server_ends_with_the_process(head: Path, end: str) -> None:
     program = f"import isobrick, sys, threading, time\npage = isobrick.show({str(head)!r}, browser=False)\n"
     if end == "interrupt":
+        # Who started the tests may have had it ignored.
+        program += "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         program += SAY_WHEN_IT_WAITS + "page.wait()\n"
     else:
         program += "print(page.url, flush=True)\nsys.stdin.read()\n"

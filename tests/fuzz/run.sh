@@ -77,7 +77,7 @@ for group in $groups; do
       status=1
       ended+="$name "
       echo "finding of '$name':"
-      grep -E "ERROR|SUMMARY|not kept|thrown|runtime error|Test unit written" "$folder/log.$name" | head -5
+      grep -E "ERROR|SUMMARY|not kept|thrown|runtime error|Test unit written" "$folder/log.$name" | head -5 || tail -n 3 "$folder/log.$name"
     done
   done
   sum=0

@@ -51,7 +51,7 @@ declare -A executables=([Storage]=isobrick_storage_tests [Extract]=isobrick_extr
 targets=()
 for room in "${rooms[@]}"; do targets+=("${executables[$room]}"); done
 {
-  cmake --preset tsan -D TBB_DIR="$tbb/lib/cmake/TBB"
+  cmake --preset tsan -D TBB_DIR="$tbb/lib/cmake/TBB" &&
   cmake --build --preset tsan --parallel "$jobs" --target "${targets[@]}"
 } >build/tsan.log 2>&1 || { tail -n 60 build/tsan.log; exit 1; }
 echo "build: $((SECONDS - seconds)) s"

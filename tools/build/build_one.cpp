@@ -75,7 +75,7 @@ void warnOfFullCache(const std::string& folder, std::uint64_t bytes) {
   const auto warn = [&](const std::string& what) {
     fmt::print(stderr,
                "{}the cache in '{}' {}; choose another folder with XDG_CACHE_HOME, bound it "
-               "with ISOBRICK_CACHE_SIZE, or empty it with 'isobrick cache'\n",
+               "with ISOBRICK_CACHE_SIZE, or empty it ('isobrick cache')\n",
                kWarningWord, oneLine(folder), what);
   };
   std::uint64_t held = bytes;

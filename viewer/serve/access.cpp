@@ -77,4 +77,8 @@ bool Access::isAllowedOrigin(std::string_view origin, std::string_view host) con
   return origin.empty() || isForeign(origin) || origin == "http://" + lowercase(std::string(host));
 }
 
+bool Access::isForeign(std::string_view origin) const {
+  return foreign_.count(std::string(origin)) != 0;
+}
+
 }  // namespace isobrick

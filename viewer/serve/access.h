@@ -13,6 +13,7 @@ std::string newKey();
 // "https://scans.example.org:8443" in small letters, without a path. Throws Error for other text.
 std::string checkedOrigin(const std::string& origin);
 
+// Does not change while requests come; any thread may ask it.
 class Access {
  public:
   // `foreign`: other origins that may use the server, each by checkedOrigin().
@@ -29,14 +30,14 @@ class Access {
   bool isOwnHost(std::string_view host, std::string_view local) const;
   // Of the header Origin, beside a host that is the server's own. Empty: there is no such header.
   bool isAllowedOrigin(std::string_view origin, std::string_view host) const;
-  bool isForeign(std::string_view origin) const { return foreign_.count(std::string(origin)) != 0; }
+  bool isForeign(std::string_view origin) const;
   // The page, and which other ones may show it in a frame.
   const std::string& contentPolicy() const { return policy_; }
 
  private:
   const std::string key_;
   const std::set<std::string> foreign_;
-  std::set<std::string> hosts_;
+  std::set<std::string, std::less<>> hosts_;
   std::string policy_;
 };
 

@@ -3,6 +3,7 @@
 #include <glm/common.hpp>
 #include <string>
 
+#include "isobrick/storage/error.h"
 #include "isobrick/viewer/serve/asked.h"
 
 namespace isobrick {
@@ -17,9 +18,9 @@ std::optional<std::uint64_t> countOf(const Asked& asked, const char* name) {
 }
 
 ViewPoint viewOf(const Asked& asked) {
-  const auto eye = asked.point("eye");
-  require(eye.has_value(), 400, "'eye' is not there");
   ViewPoint view;
+  const auto eye = asked.point("eye");
+  if (!eye) throw Error("'eye' is not there");
   view.eye = *eye;
   view.pixels_per_radian = asked.needed("pixels_per_radian", 1.0, 1e6);
   view.pixels_per_unit = asked.clamped("pixels_per_unit", 1e-9, 1e9);
@@ -51,10 +52,10 @@ ClientWish clientWishOf(const Asked& asked, const ViewVolume& volume) {
 }  // namespace
 
 ClientMessage parseClientMessage(std::string_view text, const ViewVolume& volume) {
-  require(text.size() <= kMostMessageBytes, 400, "the message is too long");
+  if (text.size() > kMostMessageBytes) throw Error("the message is too long");
   const Asked asked = Asked::ofMessage(text);
   const std::string type = asked.text("type");
-  require(!type.empty(), 400, "the message has no 'type'");
+  if (type.empty()) throw Error("the message has no 'type'");
   if (type == "wish") return clientWishOf(asked, volume);
   if (type == "shown")
     return ClientShown{static_cast<std::uint64_t>(asked.needed("pass", 0.0, kMostCount)),

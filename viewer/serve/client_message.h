@@ -31,7 +31,7 @@ struct ClientShown {
 // Nothing: a type that this server does not know.
 using ClientMessage = std::variant<std::monostate, ClientWish, ClientShown>;
 
-// Throws Refusal (asked.h) for text that is no such message.
+// Throws Error, one line, for text that is no such message.
 ClientMessage parseClientMessage(std::string_view text, const ViewVolume& volume);
 
 }  // namespace isobrick

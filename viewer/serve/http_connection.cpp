@@ -3,17 +3,21 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <exception>
-#include <filesystem>
 #include <functional>
+#include <initializer_list>
+#include <memory>
 #include <optional>
 #include <string_view>
-#include <vector>
+#include <utility>
 
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
@@ -26,29 +30,35 @@
 namespace isobrick {
 namespace {
 
-namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = boost::beast::http;
 using AnswerJson = nlohmann::ordered_json;
 using HttpError = boost::system::error_code;
 using Field = http::field;
-using Opened = ServedVolumes::Opened;
+using Status = http::status;
+
+// Beside those of all answers.
+using Fields = std::initializer_list<std::pair<Field, std::string_view>>;
 
 constexpr std::size_t kMostHeaderBytes = 8 << 10;
 // A request waits so long for its volume to be opened; who asks again may wait longer.
 constexpr auto kLongestWait = std::chrono::seconds(20);
+constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
 constexpr std::string_view kTextType = "text/plain; charset=utf-8";
 constexpr char kNoSuchName[] = "there is nothing of this name";
 
-struct Answer {
-  unsigned status = 200;
-  std::string_view type = kTextType;
-  std::string text = {};
-  std::vector<std::pair<Field, std::string>> fields = {};  // beside those of all answers
-  std::optional<http::file_body::value_type> file = {};    // in place of the text
+// A request that gets a line of text in place of what it asks for.
+struct Refusal {
+  Status status;
+  std::string why;
 };
 
+void require(bool is_so, Status status, const char* why) {
+  if (!is_so) throw Refusal{status, why};
+}
+
 std::string_view textOf(beast::string_view text) { return {text.data(), text.size()}; }
+beast::string_view beastText(std::string_view text) { return {text.data(), text.size()}; }
 
 // By the ending of a name.
 std::string_view typeOf(std::string_view name) {
@@ -86,156 +96,165 @@ std::string keyOfProtocols(beast::string_view protocols) {
   return is_known ? key : std::string();
 }
 
-class HttpConnection : public ServedConnection {
+class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
-  HttpConnection(asio::ip::tcp::socket socket, ServerState& state)
-      : ServedConnection(state), stream_(std::move(socket)) {}
-  void end() override { stream_.close(); }
+  HttpConnection(boost::asio::ip::tcp::socket socket, ServerState& state)
+      : state_(state), stream_(std::move(socket)), timer_(state.io) {
+    ++state_.connections;
+  }
+  ~HttpConnection() { --state_.connections; }
 
-  Task serve() {
-    Answer answer;
-    do {
-      try {
-        if (!co_await read()) co_return;
-        answer = co_await answerOf();
-      } catch (const Refusal& refusal) {
-        answer = refused(refusal.status, refusal.what());
-      } catch (const std::exception& failure) {
-        answer = refused(500, failureWords(failure));
-      }
-      if (streamed_)
-        co_return startStream(std::move(stream_), std::move(request_), *streamed_, state_);
-      if (answer.file)
-        co_await send<http::file_body>(answer, std::move(*answer.file));
-      else
-        co_await send<http::string_body>(answer, std::move(answer.text));
-    } while (goes_on_);
-    HttpError ignored;
-    stream_.socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
+  void read() {
+    is_foreign_ = false;
+    parser_.emplace();
+    parser_->header_limit(kMostHeaderBytes);
+    parser_->body_limit(0);
+    stream_.expires_after(std::chrono::seconds(kRequestSeconds));
+    http::async_read(
+        stream_, buffer_, *parser_,
+        [self = shared_from_this()](HttpError error, std::size_t) { self->onRead(error); });
   }
 
  private:
-  // False: the client is gone.
-  asio::awaitable<bool> read() {
-    request_ = {};
-    is_foreign_ = false;
-    http::request_parser<http::empty_body> parser;
-    parser.header_limit(kMostHeaderBytes);
-    parser.body_limit(0);
-    stream_.expires_after(kRequestTime);
-    HttpError error;
-    co_await http::async_read(stream_, buffer_, parser,
-                              asio::redirect_error(asio::use_awaitable, error));
-    if (error) {
-      const bool is_of_http =
-          error.category() == http::make_error_code(http::error::header_limit).category();
-      if (!is_of_http || error == http::error::end_of_stream) co_return false;
-      request_.keep_alive(false);
-      throw Refusal(error == http::error::header_limit ? 431
-                    : error == http::error::body_limit || error == http::error::unexpected_body
-                        ? 413
-                        : 400,
-                    "the request is not understood");
+  using Then = std::function<void(HttpConnection&)>;
+  using Opened = std::shared_ptr<const OpenedVolume>;
+  using WithVolume = std::function<void(HttpConnection&, const Opened&)>;
+
+  void onRead(HttpError error) {
+    if (!error) {
+      request_ = parser_->release();
+      ++state_.counted.requests;
+      return doOrRefuse(Status::bad_request, &HttpConnection::answer);
     }
-    request_ = parser.release();
-    ++state_.counted.requests;
-    co_return true;
+    if (error == http::error::end_of_stream || error == beast::error::timeout ||
+        error.category() != http::make_error_code(http::error::header_limit).category())
+      return;
+    request_ = {};
+    request_.keep_alive(false);
+    refuse(error == http::error::header_limit ? Status::request_header_fields_too_large
+           : error == http::error::body_limit || error == http::error::unexpected_body
+               ? Status::payload_too_large
+               : Status::bad_request,
+           "the request is not understood");
+  }
+
+  void doOrRefuse(Status otherwise, const Then& what) try {
+    what(*this);
+  } catch (const Refusal& refusal) {
+    refuse(refusal.status, refusal.why);
+  } catch (const std::exception& failure) {
+    refuse(otherwise, failureWords(failure));
   }
 
   std::string_view header(Field name) const { return textOf(request_[name]); }
   bool isHead() const { return request_.method() == http::verb::head; }
 
-  asio::awaitable<Answer> answerOf() {
+  void answer() {
     const std::string_view origin = header(Field::origin), host = header(Field::host);
-    require(state_.access.isOwnHost(host, hostText(stream_.socket().local_endpoint())), 403,
+    HttpError error;
+    const auto local = stream_.socket().local_endpoint(error);
+    require(!error && state_.access.isOwnHost(host, hostText(local)), Status::forbidden,
             "the server has another name; open the address that it printed, or start it with "
             "--origin");
     is_foreign_ = state_.access.isForeign(origin);
-    require(state_.access.isAllowedOrigin(origin, host), 403,
+    require(state_.access.isAllowedOrigin(origin, host), Status::forbidden,
             "a page from there may not ask this server");
     std::string_view path = textOf(request_.target());
-    require(path.starts_with(state_.options.base_path), 404, kNoSuchName);
+    require(path.starts_with(state_.options.base_path), Status::not_found, kNoSuchName);
     path.remove_prefix(state_.options.base_path.size());
     const std::size_t end = std::min(path.size(), path.find('?'));
     const std::string_view words = path.substr(std::min(path.size(), end + 1));
     path = path.substr(0, end);
-    if (request_.method() == http::verb::options && is_foreign_) {
-      Answer allowed{204};
-      allowed.fields = {{Field::access_control_allow_methods, "GET"},
-                        {Field::access_control_allow_headers, "Authorization, If-None-Match"},
-                        {Field::access_control_max_age, "600"}};
-      co_return allowed;
-    }
-    require(request_.method() == http::verb::get || isHead(), 405,
+    if (request_.method() == http::verb::options && is_foreign_)
+      return reply(Status::no_content, kTextType, "",
+                   {{Field::access_control_allow_methods, "GET"},
+                    {Field::access_control_allow_headers, "Authorization, If-None-Match"},
+                    {Field::access_control_max_age, "600"}});
+    require(request_.method() == http::verb::get || isHead(), Status::method_not_allowed,
             "this server answers GET and HEAD alone");
-    if (path == "/healthz") co_return Answer{200, kTextType, "ok\n"};
-    if (path != "/metrics" && !path.starts_with("/api/")) co_return pageFileAnswer(path);
+    if (path == "/healthz") return reply(Status::ok, kTextType, "ok\n");
+    if (path != "/metrics" && !path.starts_with("/api/")) return sendPageFile(path);
     const auto of_volume = volumePathOf(path);
     const bool is_stream = of_volume && of_volume->rest == "/stream";
     require(is_stream ? state_.access.isKey(keyOfProtocols(request_[Field::sec_websocket_protocol]))
                       : state_.access.isAuthorized(header(Field::authorization)),
-            401, "the key is missing or wrong; open the address that the server printed");
-    if (path == "/metrics") co_return Answer{200, kTextType, metrics()};
-    if (path == "/api/volumes") co_return list();
-    require(of_volume && of_volume->volume < state_.volumes.count(), 404, kNoSuchName);
-    const std::size_t volume = of_volume->volume;
-    if (is_stream) {
-      require(beast::websocket::is_upgrade(request_), 426, "this is a WebSocket");
-      require(state_.clients < kMostClients, 429, "too many clients; try again later");
-      streamed_ = volume;
-      co_return Answer();
-    }
-    if (of_volume->rest.empty()) {
-      if (state_.volumes.open(volume) != nullptr)
-        co_return jsonAnswer(200, state_.volumes.factsOf(volume));
-      co_return jsonAnswer(202, state_.volumes.entryOf(volume));
-    }
-    if (of_volume->rest == "/slice.png") co_return co_await slice(volume, Asked::ofAddress(words));
-    for (const char* const extension : {".glb", ".ply", ".stl"})
-      if (of_volume->rest == std::string("/surface") + extension)
-        co_return co_await surface(volume, Asked::ofAddress(words), extension);
-    throw Refusal(404, kNoSuchName);
+            Status::unauthorized,
+            "the key is missing or wrong; open the address that the server printed");
+    if (path == "/metrics") return reply(Status::ok, kTextType, metrics());
+    if (path == "/api/volumes") return sendList();
+    require(of_volume && of_volume->volume < state_.volumes.count(), Status::not_found,
+            kNoSuchName);
+    if (is_stream) return beginStream(of_volume->volume);
+    answerVolume(*of_volume, words);
   }
 
-  Answer pageFileAnswer(std::string_view path) const {
+  void answerVolume(const VolumePath& path, std::string_view words) {
+    if (path.rest.empty()) return sendFacts(path.volume);
+    if (path.rest == "/slice.png") return sendSlice(path.volume, Asked::ofAddress(words));
+    for (const char* const extension : {".glb", ".ply", ".stl"})
+      if (path.rest == std::string("/surface") + extension)
+        return sendSurface(path.volume, Asked::ofAddress(words), extension);
+    throw Refusal{Status::not_found, kNoSuchName};
+  }
+
+  void sendPageFile(std::string_view path) {
     const std::string name(path.size() <= 1 ? "index.html" : path.substr(1));
     const PageFile* const plain = pageFile(name);
-    require(plain != nullptr, 404,
+    require(plain != nullptr, Status::not_found,
             hasPage() ? kNoSuchName
                       : "this build has no page, but serves streams: docs/SERVE.md says how to "
                         "build it");
     const PageFile* const packed = pageFile(name + ".gz");
     const bool takes_packed =
         packed != nullptr && header(Field::accept_encoding).find("gzip") != std::string_view::npos;
-    Answer answer{200, typeOf(name), std::string((takes_packed ? packed : plain)->bytes)};
-    answer.fields = {{Field::cache_control, "no-cache"}, {Field::vary, "Accept-Encoding"}};
-    if (takes_packed) answer.fields.emplace_back(Field::content_encoding, "gzip");
-    return answer;
+    const std::pair kept{Field::cache_control, std::string_view("no-cache")};
+    const std::pair varies{Field::vary, std::string_view("Accept-Encoding")};
+    if (!takes_packed) return reply(Status::ok, typeOf(name), plain->bytes, {kept, varies});
+    reply(Status::ok, typeOf(name), packed->bytes,
+          {kept, varies, {Field::content_encoding, "gzip"}});
   }
 
-  Answer list() const {
+  void sendList() {
     AnswerJson volumes = AnswerJson::array();
     for (std::size_t volume = 0; volume < state_.volumes.count(); ++volume)
       volumes.push_back(state_.volumes.entryOf(volume));
-    return jsonAnswer(200, {{"protocol", 1}, {"version", ISOBRICK_VERSION}, {"volumes", volumes}});
+    replyJson(Status::ok,
+              {{"protocol", 1}, {"version", ISOBRICK_VERSION}, {"volumes", std::move(volumes)}});
   }
 
-  // The volume, once it is open.
-  asio::awaitable<Opened> opened(std::size_t volume) {
-    Opened result = state_.volumes.open(volume);
-    if (result != nullptr) co_return result;
-    require(state_.waiting < kMostWaiting, 503,
+  // The volume, or null: it begins to be opened.
+  Opened openedVolume(std::size_t volume) {
+    std::string error;
+    const auto opened = state_.volumes.open(volume, error);
+    require(error.empty(),
+            state_.volumes.isFailed(volume) ? Status::internal_server_error
+                                            : Status::service_unavailable,
+            error.c_str());
+    return opened;
+  }
+
+  // `what` with the volume, once it is open.
+  void whenOpen(std::size_t volume, const WithVolume& what) {
+    whenOpenBy(std::chrono::steady_clock::now() + kLongestWait, volume, what);
+  }
+  void whenOpenBy(std::chrono::steady_clock::time_point end, std::size_t volume,
+                  const WithVolume& what) {
+    if (!state_.volumes.isOpening(volume))
+      if (const auto opened = openedVolume(volume)) return what(*this, opened);
+    require(std::chrono::steady_clock::now() < end, Status::service_unavailable,
+            "the volume is still being opened or built; ask again");
+    require(state_.waiting < kMostWaiting, Status::service_unavailable,
             "too many requests wait for volumes that are being opened; try again later");
-    const auto waits = counted(state_.waiting);
-    const auto end = std::chrono::steady_clock::now() + kLongestWait;
-    while (result == nullptr) {
-      require(std::chrono::steady_clock::now() < end, 503,
-              "the volume is still being opened or built; ask again");
-      co_await pause(kBetweenLooks);
-      require(!hasLeft() && !state_.stop.requested(), 503, "nobody waits for it any longer");
-      result = state_.volumes.open(volume);
-    }
-    co_return result;
+    ++state_.waiting;
+    stream_.expires_never();
+    timer_.expires_after(kBetweenLooks);
+    timer_.async_wait([self = shared_from_this(), end, volume, what](HttpError stopped) {
+      --self->state_.waiting;
+      if (stopped || self->hasLeft()) return;
+      self->doOrRefuse(Status::bad_request, [&](HttpConnection& connection) {
+        connection.whenOpenBy(end, volume, what);
+      });
+    });
   }
 
   // The client ended the connection, and has not asked for more before.
@@ -245,79 +264,123 @@ class HttpConnection : public ServedConnection {
     return bytes == 0 || (bytes < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
   }
 
-  // `work` on the queue's thread.
-  Task onThread(JobQueue& queue, std::function<void()> work) {
-    require(queue.jobs < queue.most_jobs, 503, "too much is asked for already; try again later");
-    const auto job = counted(queue.jobs);
-    const auto task = [&]() -> Task {
-      state_.stop.check();
-      work();
-      co_return;
-    };
-    co_await asio::co_spawn(queue.thread, task, asio::use_awaitable);
+  void sendFacts(std::size_t volume) {
+    if (openedVolume(volume) != nullptr)
+      return replyJson(Status::ok, state_.volumes.factsOf(volume));
+    replyJson(Status::accepted, state_.volumes.entryOf(volume));
+  }
+
+  void beginStream(std::size_t volume) {
+    require(beast::websocket::is_upgrade(request_), Status::upgrade_required,
+            "this is a WebSocket");
+    require(state_.clients.size() < kMostClients, Status::too_many_requests,
+            "too many clients; try again later");
+    startStreamConnection(std::move(stream_), request_, volume, state_);
   }
 
   // A pyramid that is not open is opened for the slice alone, since a list of volumes shows slices.
-  asio::awaitable<Answer> slice(std::size_t volume, Asked words) {
-    const SlicePicture picture = slicePictureOf(words);
+  void sendSlice(std::size_t volume, const Asked& words) {
+    const SlicePictureOrder order = slicePictureOrder(words);
     const bool builds = words.integer("build", 0, 1) != 0;
-    const std::string& path = state_.volumes.pathOf(volume);
-    Opened shown = state_.volumes.find(volume);
-    if (shown == nullptr && !isPyramidFile(path)) {
-      require(builds, 409, "the volume is not open yet");
-      shown = co_await opened(volume);
-    }
-    Answer answer{200, typeOf(".png")};
-    const auto draw = [&] {
-      constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
-      const auto file = shown != nullptr
-                            ? shown->file
-                            : openPyramid(path, kMemory, state_.options.remote, &state_.stop).file;
-      answer.text = picture(*file, state_.stop);
-    };
-    co_await onThread(state_.slices, draw);
-    co_return answer;
+    const Opened opened = state_.volumes.find(volume);
+    if (opened != nullptr || isPyramidFile(state_.volumes.pathOf(volume)))
+      return drawSlice(volume, order, opened);
+    require(builds, Status::conflict, "the volume is not open yet");
+    whenOpen(volume, [volume, order](HttpConnection& self, const Opened& now_open) {
+      self.drawSlice(volume, order, now_open);
+    });
   }
 
-  asio::awaitable<Answer> surface(std::size_t volume, Asked words, std::string extension) {
-    const SurfaceFile write = surfaceFileOf(words, extension);
-    const Opened shown = co_await opened(volume);
-    Answer answer{200, typeOf(extension)};
-    const std::string tag = surfaceTag(*shown, words, extension);
-    answer.fields.emplace_back(Field::etag, tag);
-    if (header(Field::if_none_match) == tag) {
-      answer.status = 304;
-      co_return answer;
-    }
-    answer.fields.emplace_back(Field::cache_control, "private, no-cache");
-    std::string folder = (temporaryFolder() / "isobrick-serve-XXXXXX").string();
-    if (mkdtemp(folder.data()) == nullptr) throw Error("cannot make a folder for the surface");
-    // A path, not a text: to remove it takes no memory.
-    const std::shared_ptr<void> end(
-        nullptr, [path = std::filesystem::path(folder)](void*) { removeTree(path); });
-    const std::string path = folder + "/surface" + extension;
-    const auto work = [&] {
-      tbb::task_arena arena(state_.options.threads);
-      arena.execute([&] { write(*shown->file, path, state_.stop); });
-    };
-    co_await onThread(state_.surfaces, work);
+  void drawSlice(std::size_t volume, const SlicePictureOrder& order, Opened opened) {
+    constexpr std::uint64_t kMemory = std::uint64_t{64} << 20;
+    if (opened != nullptr) planeOf(order, *opened->file);  // refused before it waits
+    const std::string path = state_.volumes.pathOf(volume);
+    run(state_.slices, [opened, path, order, &state = state_]() mutable -> Then {
+      if (opened == nullptr)
+        opened = std::make_shared<const OpenedVolume>(
+            openPyramid(path, kMemory, state.options.remote, &state.stop));
+      try {
+        planeOf(order, *opened->file);
+      } catch (const Error& failure) {
+        throw Refusal{Status::bad_request, failure.what()};
+      }
+      return [picture = slicePicture(*opened->file, order, state.stop)](HttpConnection& self) {
+        self.reply(Status::ok, typeOf(".png"), picture);
+      };
+    });
+  }
+
+  void sendSurface(std::size_t volume, const Asked& words, const std::string& extension) {
+    const SurfaceFileOrder order = surfaceFileOrder(words, extension);
+    whenOpen(volume, [order, words, extension](HttpConnection& self, const Opened& opened) {
+      self.writeSurface(order, words, extension, opened);
+    });
+  }
+
+  void writeSurface(const SurfaceFileOrder& order, const Asked& words, const std::string& extension,
+                    const Opened& opened) {
+    const std::string tag = surfaceTag(*opened, words, extension);
+    if (header(Field::if_none_match) == tag)
+      return reply(Status::not_modified, typeOf(extension), "", {{Field::etag, tag}});
+    const std::string path = newFile() + extension;
+    run(state_.surfaces, [opened, order, path, tag, &state = state_]() -> Then {
+      tbb::task_arena arena(state.options.threads);
+      arena.execute([&] { writeSurfaceFile(*opened->file, order, path, state.stop); });
+      return [path, tag](HttpConnection& self) { self.sendFile(path, tag); };
+    });
+  }
+
+  void sendFile(const std::string& path, const std::string& tag) {
+    http::file_body::value_type file;
     HttpError error;
-    answer.file.emplace().open(path.c_str(), beast::file_mode::scan, error);
-    require(!error, 500, "the surface was lost before it was sent");
-    co_return answer;
+    file.open(path.c_str(), beast::file_mode::scan, error);
+    removeName(path);
+    require(!error, Status::internal_server_error, "the surface was lost before it was sent");
+    send<http::file_body>(Status::ok, typeOf(path), std::move(file),
+                          {{Field::etag, tag}, {Field::cache_control, "private, no-cache"}});
+  }
+
+  std::string newFile() {
+    if (state_.folder.empty()) {
+      std::string name = (temporaryFolder() / "isobrick-serve-XXXXXX").string();
+      if (mkdtemp(name.data()) == nullptr) throw Error("cannot make a folder for the surface");
+      state_.folder = name;
+    }
+    return state_.folder + "/" + std::to_string(++state_.last_file);
+  }
+
+  // `work` on the queue's thread, then what it returns here.
+  template <typename Work>
+  void run(JobQueue& queue, Work work) {
+    require(queue.jobs < queue.most_jobs, Status::service_unavailable,
+            "too much is asked for already; try again later");
+    ++queue.jobs;
+    stream_.expires_never();
+    boost::asio::post(
+        queue.thread, [self = shared_from_this(), work = std::move(work), &queue]() mutable {
+          Then then;
+          try {
+            then = work();
+          } catch (...) {
+            then = [failure = std::current_exception()](HttpConnection&) {
+              std::rethrow_exception(failure);
+            };
+          }
+          auto& io = self->state_.io;
+          boost::asio::post(io, [self = std::move(self), then = std::move(then), &queue] {
+            --queue.jobs;
+            self->doOrRefuse(Status::internal_server_error, then);
+          });
+        });
   }
 
   std::string metrics() const {
     const auto& counted = state_.counted;
     const std::pair<std::string, std::uint64_t> rows[] = {
-        {"requests_total", counted.requests},
-        {"requests_refused_total", counted.refused},
-        {"clients_total", counted.clients},
-        {"wishes_total", counted.wishes},
-        {"chunks_sent_total", counted.chunks},
-        {"bytes_sent_total", counted.bytes},
-        {"clients", state_.clients},
-        {"connections", state_.connections.size()},
+        {"requests_total", counted.requests},         {"requests_refused_total", counted.refused},
+        {"clients_total", counted.clients},           {"wishes_total", counted.wishes},
+        {"chunks_sent_total", counted.chunks},        {"bytes_sent_total", counted.bytes},
+        {"clients", state_.clients.size()},           {"connections", state_.connections},
         {"open_volumes", state_.volumes.openCount()},
     };
     std::string text;
@@ -327,21 +390,29 @@ class HttpConnection : public ServedConnection {
     return text;
   }
 
-  static Answer jsonAnswer(unsigned status, const AnswerJson& json) {
-    return {status, typeOf(".json"), jsonText(json)};
+  void reply(Status status, std::string_view type, std::string_view text, Fields fields = {}) {
+    send<http::string_body>(status, type, std::string(text), fields);
   }
-  Answer refused(unsigned status, const std::string& error) {
+  void replyJson(Status status, const AnswerJson& json) {
+    reply(status, typeOf(".json"), jsonText(json));
+  }
+  void refuse(Status status, const std::string& error) {
     ++state_.counted.refused;
-    return jsonAnswer(status, {{"error", error}});
+    replyJson(status, {{"error", error}});
   }
 
   // A piece at a time, so that a slow client has time and one that takes nothing has not.
   template <typename Body>
-  Task send(const Answer& answer, typename Body::value_type body) {
-    http::response<Body> response(http::int_to_status(answer.status), request_.version(),
-                                  std::move(body));
+  struct Sending {
+    explicit Sending(http::response<Body> given) : response(std::move(given)) {}
+    http::response<Body> response;
+    http::response_serializer<Body> serializer{response};
+  };
+  template <typename Body>
+  void send(Status status, std::string_view type, typename Body::value_type body, Fields fields) {
+    http::response<Body> response(status, request_.version(), std::move(body));
     response.keep_alive(request_.keep_alive());
-    response.set(Field::content_type, std::string(answer.type));
+    response.set(Field::content_type, beastText(type));
     response.set("X-Content-Type-Options", "nosniff");
     response.set("Referrer-Policy", "no-referrer");
     response.set("Cross-Origin-Resource-Policy", "same-origin");
@@ -352,34 +423,46 @@ class HttpConnection : public ServedConnection {
       response.set(Field::access_control_expose_headers, "ETag");
       response.set(Field::vary, "Origin");
     }
-    if (answer.status == 202 || answer.status == 503) response.set(Field::retry_after, "1");
-    if (answer.status == 401) response.set(Field::www_authenticate, "Bearer");
-    if (answer.status == 405) response.set(Field::allow, "GET, HEAD");
-    for (const auto& [name, value] : answer.fields) response.set(name, value);
+    if (status == Status::accepted || status == Status::service_unavailable)
+      response.set(Field::retry_after, "1");
+    if (status == Status::unauthorized) response.set(Field::www_authenticate, "Bearer");
+    if (status == Status::method_not_allowed) response.set(Field::allow, "GET, HEAD");
+    for (const auto& [name, value] : fields) response.set(name, beastText(value));
     response.prepare_payload();
-    goes_on_ = !response.need_eof();
-    http::response_serializer<Body> serializer{response};
-    serializer.split(isHead());
-    while (!(isHead() ? serializer.is_header_done() : serializer.is_done())) {
-      stream_.expires_after(kIdleTime);
-      const std::size_t bytes =
-          co_await http::async_write_some(stream_, serializer, asio::use_awaitable);
-      state_.counted.bytes += bytes;
-    }
+    const auto sending = std::make_shared<Sending<Body>>(std::move(response));
+    sending->serializer.split(isHead());
+    sendSome(sending);
+  }
+  template <typename Body>
+  void sendSome(const std::shared_ptr<Sending<Body>>& sending) {
+    stream_.expires_after(std::chrono::seconds(kIdleSeconds));
+    http::async_write_some(
+        stream_, sending->serializer,
+        [self = shared_from_this(), sending](HttpError error, std::size_t bytes) {
+          self->state_.counted.bytes += bytes;
+          if (error) return;
+          auto& serializer = sending->serializer;
+          if (!(self->isHead() ? serializer.is_header_done() : serializer.is_done()))
+            return self->sendSome(sending);
+          if (!sending->response.need_eof()) return self->read();
+          HttpError ignored;
+          self->stream_.socket().shutdown(boost::asio::ip::tcp::socket::shutdown_send, ignored);
+        });
   }
 
+  ServerState& state_;
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_{2 * kMostHeaderBytes};
+  std::optional<http::request_parser<http::empty_body>> parser_;
   HttpRequest request_;
-  bool is_foreign_ = false, goes_on_ = true;
-  std::optional<std::size_t> streamed_;  // the volume of a stream that this becomes
+  boost::asio::steady_timer timer_;
+  bool is_foreign_ = false;
 };
 
 }  // namespace
 
-Task serveConnection(asio::ip::tcp::socket socket, ServerState& state) {
-  HttpConnection connection(std::move(socket), state);
-  co_await connection.serve();
+void startHttpConnection(boost::asio::ip::tcp::socket socket, ServerState& state) {
+  std::make_shared<HttpConnection>(std::move(socket), state)->read();
 }
 
 }  // namespace isobrick

@@ -2,9 +2,14 @@
 
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/host_name.hpp>
-#include <exception>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <memory>
 #include <new>
+#include <utility>
 
+#include "isobrick/storage/file_system.h"
 #include "isobrick/viewer/serve/http_state.h"
 #include "isobrick/viewer/serve/page_files.h"
 #include "isobrick/viewer/stream/latest_worker.h"
@@ -24,72 +29,119 @@ void setSocketOptions(tcp::socket& socket) {
              sizeof most_unsent);
 }
 
-// Returns the name by which the server is asked.
-std::string listen(tcp::acceptor& acceptor, ServerState& state) try {
-  const tcp::endpoint endpoint(asio::ip::make_address(state.options.address), state.options.port);
-  acceptor.open(endpoint.protocol());
-  acceptor.set_option(asio::socket_base::reuse_address(true));
-  acceptor.bind(endpoint);
-  acceptor.listen();
-  const std::string port = ":" + std::to_string(acceptor.local_endpoint().port());
-  if (endpoint.address().is_loopback()) state.access.addHost("localhost" + port);
-  const std::string host = endpoint.address().is_unspecified()
-                               ? asio::ip::host_name() + port
-                               : hostText(acceptor.local_endpoint());
-  state.access.addHost(host);
-  const auto& origins = state.options.origins;
-  return origins.empty() || endpoint.address().is_loopback() ? "http://" + host : *origins.begin();
-} catch (const boost::system::system_error& failure) {
-  throw Error("cannot listen on " + state.options.address + " port " +
-              std::to_string(state.options.port) + ": " + failure.code().message() +
-              "; choose another --listen or --port");
-}
-
-Task acceptOne(tcp::acceptor& acceptor, ServerState& state) {
-  boost::system::error_code error;
-  tcp::socket socket =
-      co_await acceptor.async_accept(asio::redirect_error(asio::use_awaitable, error));
-  if (error) {  // no descriptor is left, perhaps
-    co_await pause(std::chrono::milliseconds(100));
-  } else if (state.connections.size() < kMostConnections) {
-    setSocketOptions(socket);
-    // The end of one, whatever the reason is, concerns no other.
-    asio::co_spawn(state.io, serveConnection(std::move(socket), state),
-                   [](const std::exception_ptr&) {});
+class Server {
+ public:
+  explicit Server(ServeOptions options)
+      : state_(std::move(options)), acceptor_(state_.io), tick_(state_.io), pause_(state_.io) {
+    listen();
   }
-}
-
-Task look(ServerState& state) {
-  state.volumes.update();
-  co_await pause(kBetweenLooks);
-}
-
-// Until `isOver`. What finds no memory is done again, once.
-template <typename IsOver, typename Step>
-Task repeat(IsOver isOver, Step step) {
-  bool has_failed = false;
-  while (!isOver()) {
+  ~Server() {
     try {
-      co_await step();
-      has_failed = false;
-    } catch (const std::bad_alloc&) {
-      if (std::exchange(has_failed, true)) throw;
+      endStreams(state_);
+      if (!state_.folder.empty()) removeTree(state_.folder);
+    } catch (const std::bad_alloc&) {  // it may be why the server ends
     }
   }
-}
 
-// Until the server shall end. Clients get word; who does not answer soon is left.
-Task watch(tcp::acceptor& acceptor, ServerState& state) {
-  const auto isOver = [&] {
-    return state.options.cancel != nullptr && state.options.cancel->requested();
-  };
-  co_await repeat(isOver, [&] { return look(state); });
-  state.stop.request();
-  acceptor.close();
-  for (ServedConnection* const connection : state.connections) connection->leave();
-  co_await pause(std::chrono::milliseconds(300));
-  for (ServedConnection* const connection : state.connections) connection->end();
-}
+  ServeSummary run() {
+    const double begin = clockSeconds();
+    if (state_.options.on_ready) state_.options.on_ready(url());
+    accept();
+    tick();
+    while (!isOver()) {
+    }
+    state_.counted.seconds = clockSeconds() - begin;
+    return state_.counted;
+  }
+
+ private:
+  void listen() try {
+    const tcp::endpoint endpoint(asio::ip::make_address(state_.options.address),
+                                 state_.options.port);
+    acceptor_.open(endpoint.protocol());
+    acceptor_.set_option(asio::socket_base::reuse_address(true));
+    acceptor_.bind(endpoint);
+    acceptor_.listen();
+    const std::string port = ":" + std::to_string(acceptor_.local_endpoint().port());
+    if (endpoint.address().is_loopback()) state_.access.addHost("localhost" + port);
+    own_host_ = endpoint.address().is_unspecified() ? asio::ip::host_name() + port
+                                                    : hostText(acceptor_.local_endpoint());
+    state_.access.addHost(own_host_);
+  } catch (const boost::system::system_error& failure) {
+    throw Error("cannot listen on " + state_.options.address + " port " +
+                std::to_string(state_.options.port) + ": " + failure.code().message() +
+                "; choose another --listen or --port");
+  }
+
+  std::string url() const {
+    const auto& origins = state_.options.origins;
+    const bool is_loopback = acceptor_.local_endpoint().address().is_loopback();
+    const std::string begin =
+        origins.empty() || is_loopback ? "http://" + own_host_ : *origins.begin();
+    return begin + state_.options.base_path + "/#token=" + state_.access.key();
+  }
+
+  // False if a request failed: its connection is gone, and all others go on, unless that fails too.
+  bool isOver() try {
+    state_.io.run();
+    return true;
+  } catch (const std::exception&) {
+    if (state_.stop.requested()) return true;
+    if (!accepts_) accept();
+    if (!ticks_) tick();
+    return false;
+  }
+
+  void accept() {
+    acceptor_.async_accept([this](boost::system::error_code error, tcp::socket socket) {
+      accepts_ = false;
+      if (error == asio::error::operation_aborted) return;
+      if (error) {  // no descriptor is left, perhaps
+        pause_.expires_after(std::chrono::milliseconds(100));
+        pause_.async_wait([this](boost::system::error_code stopped) {
+          accepts_ = false;
+          if (!stopped) accept();
+        });
+        accepts_ = true;
+        return;
+      }
+      if (state_.connections < kMostConnections) {
+        setSocketOptions(socket);
+        startHttpConnection(std::move(socket), state_);
+      }
+      accept();
+    });
+    accepts_ = true;
+  }
+
+  void tick() {
+    ticks_ = false;
+    state_.volumes.update();
+    if (state_.options.cancel != nullptr && state_.options.cancel->requested()) return close();
+    tick_.expires_after(std::chrono::milliseconds(50));
+    tick_.async_wait([this](boost::system::error_code error) {
+      if (!error) tick();
+    });
+    ticks_ = true;
+  }
+
+  // Clients get word; who does not answer soon is left.
+  void close() {
+    state_.stop.request();
+    boost::system::error_code ignored;
+    acceptor_.close(ignored);
+    pause_.cancel();
+    tick_.expires_after(std::chrono::milliseconds(300));
+    tick_.async_wait([this](boost::system::error_code) { state_.io.stop(); });
+    closeStreams(state_);
+  }
+
+  ServerState state_;
+  tcp::acceptor acceptor_;
+  std::string own_host_;
+  asio::steady_timer tick_, pause_;
+  bool accepts_ = false, ticks_ = false;  // it waits for a connection, for the next tick
+};
 
 }  // namespace
 
@@ -99,32 +151,7 @@ std::string hostText(const tcp::endpoint& endpoint) {
          std::to_string(endpoint.port());
 }
 
-ServeSummary runServer(ServeOptions options) {
-  ServerState state(std::move(options));
-  tcp::acceptor acceptor(state.io);
-  const std::string address = listen(acceptor, state);
-  const double begin = clockSeconds();
-  if (state.options.on_ready)
-    state.options.on_ready(address + state.options.base_path + "/#token=" + state.access.key());
-  std::exception_ptr failure;
-  const auto fail = [&](const std::exception_ptr& why) {
-    if (!why) return;
-    failure = why;
-    state.io.stop();
-  };
-  const auto isOver = [&] { return state.stop.requested(); };
-  asio::co_spawn(state.io, repeat(isOver, [&] { return acceptOne(acceptor, state); }), fail);
-  asio::co_spawn(state.io, watch(acceptor, state), fail);
-  while (!state.io.stopped()) {
-    try {
-      state.io.run();
-    } catch (const std::bad_alloc&) {  // of what a connection did; it has ended
-    }
-  }
-  if (failure) std::rethrow_exception(failure);
-  state.counted.seconds = clockSeconds() - begin;
-  return state.counted;
-}
+ServeSummary runServer(ServeOptions options) { return Server(std::move(options)).run(); }
 
 bool hasPage() { return !pageFiles().empty(); }
 

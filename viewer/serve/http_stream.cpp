@@ -1,13 +1,16 @@
 // The WebSocket of a client: docs/SERVE.md, "The stream".
 #include <atomic>
 #include <boost/asio/buffer.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/buffers_to_string.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http/field.hpp>
 #include <boost/beast/websocket.hpp>
+#include <chrono>
 #include <deque>
 #include <exception>
-#include <new>
+#include <limits>
+#include <utility>
 #include <variant>
 
 #include "isobrick/viewer/serve/asked.h"
@@ -16,53 +19,71 @@
 #include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
+
 namespace {
 
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace websocket = boost::beast::websocket;
-using Clock = std::chrono::steady_clock;
-using SocketError = boost::system::error_code;
+using StreamError = boost::system::error_code;
 
 // On its way to a client; what waits beyond it can still be replaced.
 constexpr std::size_t kMostOnTheWay = 16 << 10;
 // Of messages of all kinds: who takes none of so many is gone.
 constexpr std::size_t kMostMessages = 4096;
 constexpr auto kBetweenMessages = std::chrono::milliseconds(4);
+constexpr double kBetweenLooks = 0.05;  // at an opening, seconds
 
-// It is there as long as one of its parts goes on.
-class StreamConnection : public ServedConnection,
-                         public ClientLine,
-                         public std::enable_shared_from_this<StreamConnection> {
+}  // namespace
+
+class StreamConnection : public ClientLine, public std::enable_shared_from_this<StreamConnection> {
  public:
   StreamConnection(beast::tcp_stream stream, std::size_t volume, ServerState& state)
-      : ServedConnection(state),
-        counted_(counted(state.clients)),
+      : state_(state),
         volume_(volume),
         socket_(std::move(stream)),
-        news_(state.io) {}
-  ~StreamConnection() override { end(); }
-
-  void leave() override try {
-    close(websocket::close_code::going_away, "the server ends");
-  } catch (const std::bad_alloc&) {
+        timer_(state.io),
+        pause_(state.io) {
+    ++state_.connections;
+    state_.clients.insert(this);
+  }
+  ~StreamConnection() override {
     end();
+    --state_.connections;
   }
 
-  // The session's end may take a while.
-  void end() override {
-    closing_ = true;
-    news_.cancel();
+  // Nothing more is done for the client. The session's end may take a while.
+  void end() {
+    if (ended_) return;
+    ended_ = closing_ = true;
+    timer_.cancel();
+    pause_.cancel();
     beast::get_lowest_layer(socket_).close();
-    if (session_ == nullptr) return;
+    state_.clients.erase(this);
     try {
       asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
-    } catch (const std::bad_alloc&) {  // it ended at once, and all waited for that
+    } catch (const std::exception&) {  // it ended at once, and all waited for that
     }
   }
 
-  void start(HttpRequest request) {
-    spawn([this, request = std::move(request)] { return read(request); });
+  void start(const HttpRequest& request) {
+    beast::get_lowest_layer(socket_).expires_never();
+    websocket::stream_base::timeout limits{std::chrono::seconds(kRequestSeconds),
+                                           std::chrono::seconds(kIdleSeconds), true};
+    socket_.set_option(limits);
+    socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
+      response.set(beast::http::field::sec_websocket_protocol, "isobrick.1");
+    }));
+    socket_.read_message_max(kMostMessageBytes);
+    socket_.auto_fragment(false);
+    socket_.async_accept(request, [self = shared_from_this()](StreamError error) {
+      if (error) return self->end();
+      ++self->state_.counted.clients;
+      self->orEnd([&] {
+        self->read();
+        self->awaitVolume();
+      });
+    });
   }
 
   void sendWord(const nlohmann::ordered_json& word) override {
@@ -76,72 +97,31 @@ class StreamConnection : public ServedConnection,
   }
   bool hasRoom() const override { return on_the_way_ < kMostOnTheWay; }
 
+  void close(websocket::close_code code, const std::string& why) {
+    if (closing_) return;
+    closing_ = true;
+    // At most so many bytes go into a control frame.
+    const websocket::close_reason reason(code, why.substr(0, 120));
+    socket_.async_close(reason, [self = shared_from_this()](StreamError) { self->end(); });
+  }
+
  private:
   struct Message {
     bool is_binary = false;
     std::vector<std::byte> bytes;
   };
 
-  // A part goes on beside the others. It ends the connection by a failure.
-  template <typename Part>
-  void spawn(Part part) {
-    asio::co_spawn(state_.io, std::move(part), [self = shared_from_this()](std::exception_ptr why) {
-      if (why) self->end();
-    });
+  void awaitVolume() {
+    if (closing_) return;
+    std::string error;
+    const auto opened = state_.volumes.open(volume_, error);
+    if (!error.empty()) return fail(error);
+    if (opened != nullptr) return open(opened);
+    if (messages_.empty()) sendTyped("opening", state_.volumes.entryOf(volume_));
+    after(kBetweenLooks, [](StreamConnection& self) { self.awaitVolume(); });
   }
 
-  Task read(const HttpRequest& request) {
-    beast::get_lowest_layer(socket_).expires_never();
-    socket_.set_option(websocket::stream_base::timeout{kRequestTime, kIdleTime, true});
-    socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
-      response.set(beast::http::field::sec_websocket_protocol, "isobrick.1");
-    }));
-    socket_.read_message_max(kMostMessageBytes);
-    socket_.auto_fragment(false);
-    co_await socket_.async_accept(request, asio::use_awaitable);
-    ++state_.counted.clients;
-    spawn([this] { return show(); });
-    Clock::time_point last_message;
-    while (true) {
-      co_await socket_.async_read(buffer_, asio::use_awaitable);
-      std::string text = beast::buffers_to_string(buffer_.data());
-      buffer_.clear();
-      if (session_ == nullptr)
-        early_ = std::move(text);
-      else
-        take(text);
-      const bool is_soon = Clock::now() - last_message < kBetweenMessages;
-      last_message = Clock::now();
-      if (is_soon) co_await pause(kBetweenMessages);
-    }
-  }
-
-  // The surfaces of the client's wishes, once the volume is open.
-  Task show() {
-    try {
-      while (!closing_ && session_ == nullptr) {
-        begin(state_.volumes.open(volume_));
-        if (session_ == nullptr) co_await pause(kBetweenLooks);
-      }
-      while (!closing_) {
-        constexpr double kTillWoken = 3600.0;
-        const double again = session_->update().value_or(kTillWoken);
-        news_.expires_after(std::chrono::microseconds(static_cast<std::int64_t>(1e6 * again)));
-        SocketError woken;
-        co_await news_.async_wait(asio::redirect_error(asio::use_awaitable, woken));
-      }
-    } catch (const std::exception& failure) {
-      const std::string error = failureWords(failure);
-      sendTyped("error", {{"error", error}});
-      close(websocket::close_code::internal_error, error);
-    }
-  }
-
-  void begin(std::shared_ptr<const OpenedVolume> opened) {
-    if (opened == nullptr) {
-      if (messages_.empty()) sendTyped("opening", state_.volumes.entryOf(volume_));
-      return;
-    }
+  void open(const std::shared_ptr<const OpenedVolume>& opened) try {
     // Threads of an extraction have news; one word of it is on its way at a time.
     const auto is_told = std::make_shared<std::atomic<bool>>(false);
     const auto on_news = [self = weak_from_this(), is_told, &io = state_.io] {
@@ -149,17 +129,58 @@ class StreamConnection : public ServedConnection,
       try {
         asio::post(io, [self, is_told] {
           is_told->store(false);
-          if (const auto connection = self.lock()) connection->news_.cancel();
+          if (const auto connection = self.lock()) connection->update();
         });
-      } catch (const std::bad_alloc&) {
+      } catch (const std::exception&) {
         is_told->store(false);  // the next word is to go
         throw;
       }
     };
-    session_ =
-        std::make_shared<SurfaceSession>(std::move(opened), state_.options.threads, *this, on_news);
+    session_ = std::make_shared<SurfaceSession>(opened, state_.options.threads, *this, on_news);
     sendTyped("volume", state_.volumes.factsOf(volume_));
     if (!early_.empty()) take(early_);
+  } catch (const std::exception& failure) {
+    fail(failureWords(failure));
+  }
+
+  void fail(const std::string& error) {
+    orEnd([&] {
+      sendTyped("error", {{"error", error}});
+      close(websocket::close_code::internal_error, error);
+    });
+  }
+
+  // A client that something cannot be done for would wait for ever.
+  template <typename What>
+  void orEnd(const What& what) try {
+    what();
+  } catch (const std::exception&) {
+    end();
+  }
+
+  void read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](StreamError error, std::size_t) {
+      self->orEnd([&] { self->onRead(error); });
+    });
+  }
+
+  void onRead(StreamError error) {
+    if (error || ended_) return end();
+    std::string text = beast::buffers_to_string(buffer_.data());
+    buffer_.clear();
+    if (session_ == nullptr)
+      early_ = std::move(text);
+    else
+      take(text);
+    if (ended_) return;
+    const auto now = std::chrono::steady_clock::now();
+    const bool is_soon = now - last_message_ < kBetweenMessages;
+    last_message_ = now;
+    if (!is_soon) return read();
+    pause_.expires_after(kBetweenMessages);
+    pause_.async_wait([self = shared_from_this()](StreamError stopped) {
+      if (!stopped) self->read();
+    });
   }
 
   void take(const std::string& text) try {
@@ -167,17 +188,27 @@ class StreamConnection : public ServedConnection,
     const ClientMessage message = parseClientMessage(text, session_->volume());
     if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
     session_->take(message);
-    news_.cancel();
-  } catch (const Refusal& refusal) {
-    close(websocket::close_code::policy_error, refusal.what());
+    update();
+  } catch (const Error& failure) {
+    close(websocket::close_code::policy_error, failure.what());
   }
 
-  void close(websocket::close_code code, const std::string& why) {
-    if (std::exchange(closing_, true)) return;
-    news_.cancel();
-    // At most so many bytes go into a control frame.
-    const websocket::close_reason reason(code, why.substr(0, 120));
-    socket_.async_close(reason, [self = shared_from_this()](SocketError) { self->end(); });
+  void update() try {
+    if (session_ == nullptr || closing_) return;
+    const std::optional<double> again = session_->update();
+    if (again) return after(*again, [](StreamConnection& self) { self.update(); });
+    timer_.cancel();
+  } catch (const std::exception& failure) {
+    fail(failureWords(failure));
+  }
+
+  // `what` takes the place of what the timer was to do.
+  template <typename What>
+  void after(double seconds, What what) {
+    timer_.expires_after(std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * seconds)));
+    timer_.async_wait([self = shared_from_this(), what](StreamError stopped) {
+      if (!stopped) self->orEnd([&] { what(*self); });
+    });
   }
 
   void sendTyped(const char* type, nlohmann::ordered_json json) {
@@ -186,6 +217,7 @@ class StreamConnection : public ServedConnection,
   }
 
   void send(Message message) {
+    if (ended_) return;
     if (messages_.size() >= kMostMessages) return breakOff();
     on_the_way_ += message.bytes.size();
     messages_.push_back(std::move(message));
@@ -202,39 +234,47 @@ class StreamConnection : public ServedConnection,
     const Message& message = messages_.front();
     socket_.binary(message.is_binary);
     socket_.async_write(asio::buffer(message.bytes.data(), message.bytes.size()),
-                        [self = shared_from_this()](SocketError error, std::size_t bytes) {
-                          self->onWritten(error, bytes);
+                        [self = shared_from_this()](StreamError error, std::size_t bytes) {
+                          self->orEnd([&] { self->onWritten(error, bytes); });
                         });
-  } catch (const std::bad_alloc&) {  // beast takes no other message after that
+  } catch (const std::exception&) {  // beast takes no other message after that
     breakOff();
   }
 
-  void onWritten(SocketError error, std::size_t bytes) {
+  void onWritten(StreamError error, std::size_t bytes) {
     state_.counted.bytes += bytes;
     if (error) return end();
     on_the_way_ -= messages_.front().bytes.size();
     messages_.pop_front();
     if (!messages_.empty()) write();
-    news_.cancel();
+    update();
   }
 
-  const std::shared_ptr<const void> counted_;
+  ServerState& state_;
   const std::size_t volume_;
   websocket::stream<beast::tcp_stream> socket_;
-  asio::steady_timer news_;
+  asio::steady_timer timer_, pause_;
   beast::flat_buffer buffer_{kMostMessageBytes};
-  std::string early_;             // the last message before the volume was open
+  std::string early_;  // the last message before the volume was open
+  std::chrono::steady_clock::time_point last_message_;
   std::deque<Message> messages_;  // the first one is being written
   std::size_t on_the_way_ = 0;    // bytes of them
   std::shared_ptr<SurfaceSession> session_;
-  bool closing_ = false;
+  bool closing_ = false, ended_ = false;
 };
 
-}  // namespace
+void startStreamConnection(beast::tcp_stream stream, const HttpRequest& request, std::size_t volume,
+                           ServerState& state) {
+  std::make_shared<StreamConnection>(std::move(stream), volume, state)->start(request);
+}
 
-void startStream(beast::tcp_stream stream, HttpRequest request, std::size_t volume,
-                 ServerState& state) {
-  std::make_shared<StreamConnection>(std::move(stream), volume, state)->start(std::move(request));
+void closeStreams(ServerState& state) {
+  for (StreamConnection* const client : std::set(state.clients))
+    client->close(websocket::close_code::going_away, "the server ends");
+}
+
+void endStreams(ServerState& state) {
+  for (StreamConnection* const client : std::set(state.clients)) client->end();
 }
 
 }  // namespace isobrick

@@ -1,13 +1,14 @@
 #include "isobrick/viewer/serve/served_volumes.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <charconv>
 #include <glm/gtc/type_ptr.hpp>
 #include <glm/mat4x4.hpp>
 #include <utility>
 
 #include "isobrick/storage/checksum.h"
-#include "isobrick/viewer/serve/asked.h"
-#include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/stream/chunk_packet.h"
 
 namespace isobrick {
@@ -15,6 +16,15 @@ namespace isobrick {
 namespace {
 
 using VolumeJson = nlohmann::ordered_json;
+using VolumeClock = std::chrono::steady_clock;
+
+// Another one once another file has that path; empty: it is none of this machine.
+std::string fileNow(const std::string& path) {
+  struct stat facts {};
+  if (stat(path.c_str(), &facts) != 0) return {};
+  return std::to_string(facts.st_ino) + " " + std::to_string(facts.st_size) + " " +
+         std::to_string(facts.st_mtim.tv_sec) + " " + std::to_string(facts.st_mtim.tv_nsec);
+}
 
 // Of a vector or, column after column, of a matrix.
 template <typename T>
@@ -23,14 +33,21 @@ VolumeJson listOf(const T& numbers) {
   return std::vector(first, first + sizeof numbers / sizeof *first);
 }
 
+VolumeJson histogramJson(const ValueHistogram& histogram) {
+  VolumeJson json{
+      {"least", histogram.least}, {"greatest", histogram.greatest}, {"counts", histogram.counts}};
+  for (const double edges : histogram.edges) json["triangles"].push_back(2.0 * edges);
+  return json;
+}
+
 }  // namespace
 
-ServedVolumes::ServedVolumes(const std::vector<ServedVolume>& volumes, VolumeBuilder build,
+ServedVolumes::ServedVolumes(std::vector<ServedVolume> volumes, VolumeBuilder build,
                              std::uint64_t memory_bytes, const RemoteOptions& remote)
     : build_(std::move(build)),
       memory_bytes_(memory_bytes / std::clamp<std::size_t>(volumes.size(), 1, kMostOpen)),
       remote_(remote) {
-  for (const ServedVolume& volume : volumes) volumes_.push_back({volume});
+  for (ServedVolume& volume : volumes) volumes_.push_back({std::move(volume)});
 }
 
 std::size_t ServedVolumes::openCount() const {
@@ -39,34 +56,38 @@ std::size_t ServedVolumes::openCount() const {
       [](const Volume& volume) { return volume.opened != nullptr || volume.opener != nullptr; }));
 }
 
-ServedVolumes::Opened ServedVolumes::open(std::size_t number) {
+std::shared_ptr<const OpenedVolume> ServedVolumes::open(std::size_t volume, std::string& error) {
   constexpr auto kTriedAgainAfter = std::chrono::seconds(10);
-  Volume& volume = volumes_[number];
-  if (volume.opener != nullptr) return nullptr;
-  const auto now = std::chrono::steady_clock::now();
-  require(volume.error.empty() || now - volume.last_use >= kTriedAgainAfter, 500, volume.error);
-  volume.last_use = now;
-  const std::string file = fileStamp(volume.served.path);
-  if (volume.opened != nullptr && file != volume.file) volume.opened.reset();
-  if (volume.opened != nullptr) return volume.opened;
-  volume.error.clear();
-  makeRoom();
-  volume.file = file;
-  volume.opener = std::make_unique<VolumeOpener>(build_, memory_bytes_, remote_);
-  volume.opener->open(volume.served.path);
+  Volume& wanted = volumes_[volume];
+  const auto now = VolumeClock::now();
+  if (!wanted.error.empty() && now - wanted.last_use < kTriedAgainAfter) {
+    error = wanted.error;
+    return nullptr;
+  }
+  wanted.last_use = now;
+  const std::string file = fileNow(wanted.served.path);
+  if (wanted.opened != nullptr && file != wanted.file) wanted.opened.reset();
+  if (wanted.opened != nullptr || wanted.opener != nullptr) return wanted.opened;
+  wanted.error.clear();
+  if (!makeRoom()) {
+    error = std::to_string(kMostOpen) + " volumes are in use, and no more can be open at once";
+    return nullptr;
+  }
+  wanted.file = file;
+  wanted.opener = std::make_unique<VolumeOpener>(build_, memory_bytes_, remote_);
+  wanted.opener->open(wanted.served.path);
   return nullptr;
 }
 
 // Closes the one that was asked for least recently of those that nobody uses.
-void ServedVolumes::makeRoom() {
-  if (openCount() < kMostOpen) return;
+bool ServedVolumes::makeRoom() {
+  if (openCount() < kMostOpen) return true;
   Volume* oldest = nullptr;
   for (Volume& volume : volumes_)
     if (volume.opened.use_count() == 1 && (oldest == nullptr || volume.last_use < oldest->last_use))
       oldest = &volume;
-  require(oldest != nullptr, 503,
-          std::to_string(kMostOpen) + " volumes are in use, and no more can be open at once");
-  oldest->opened.reset();
+  if (oldest != nullptr) oldest->opened.reset();
+  return oldest != nullptr;
 }
 
 void ServedVolumes::update() {
@@ -77,7 +98,7 @@ void ServedVolumes::update() {
     if (outcome->volume)
       volume.opened = std::make_shared<const OpenedVolume>(std::move(*outcome->volume));
     volume.error = outcome->error;
-    volume.last_use = std::chrono::steady_clock::now();
+    volume.last_use = VolumeClock::now();
     volume.opener.reset();
   }
 }
@@ -99,6 +120,18 @@ VolumeJson ServedVolumes::entryOf(std::size_t number) const {
   return json;
 }
 
+std::optional<VolumePath> volumePathOf(std::string_view path) {
+  constexpr std::string_view kBegin = "/api/volume/";
+  if (!path.starts_with(kBegin)) return std::nullopt;
+  path.remove_prefix(kBegin.size());
+  VolumePath result;
+  const auto read = std::from_chars(path.data(), path.data() + path.size(), result.volume);
+  if (read.ec != std::errc()) return std::nullopt;
+  result.rest = path.substr(static_cast<std::size_t>(read.ptr - path.data()));
+  if (!result.rest.empty() && result.rest.front() != '/') return std::nullopt;
+  return result;
+}
+
 std::string editionOf(const OpenedVolume& volume) {
   const Pyramid& pyramid = *volume.file;
   const std::string& provenance = pyramid.provenance();
@@ -114,7 +147,6 @@ VolumeJson ServedVolumes::factsOf(std::size_t number) const {
   const GridGeometry& geometry = pyramid.spec().geometry;
   glm::dmat4 index_to_world(geometry.indexToWorldMatrix());
   index_to_world[3] = glm::dvec4(geometry.origin, 1.0);
-  const ValueHistogram& histogram = volume.histogram;
   VolumeJson json = entryOf(number);
   json.update({{"dimensions", listOf(pyramid.spec().voxels)},
                {"voxel_type", std::string(voxelTypeName(pyramid.spec().voxel_type))},
@@ -126,13 +158,9 @@ VolumeJson ServedVolumes::factsOf(std::size_t number) const {
                {"value_range", {pyramid.realRange().min, pyramid.realRange().max}},
                {"levels", pyramid.lattice().levels()},
                {"position_step", PositionSteps(pyramid.spec().voxels).step()},
-               {"histogram",
-                {{"least", histogram.least},
-                 {"greatest", histogram.greatest},
-                 {"counts", histogram.counts}}},
-               {"isovalues", histogram.isovalues},
+               {"histogram", histogramJson(volume.histogram)},
+               {"isovalues", volume.histogram.isovalues},
                {"edition", editionOf(volume)}});
-  for (const double edges : histogram.edges) json["histogram"]["triangles"].push_back(2.0 * edges);
   return json;
 }
 

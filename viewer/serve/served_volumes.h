@@ -6,7 +6,9 @@
 #include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "isobrick/storage/remote_options.h"
@@ -22,23 +24,27 @@ struct ServedVolume {
 // Belongs to one thread. None of its members but the destructor waits for an opening.
 class ServedVolumes {
  public:
-  using Opened = std::shared_ptr<const OpenedVolume>;
   // So many are open at once, and share the memory; one that nobody uses is closed for another.
   static constexpr std::size_t kMostOpen = 4;
 
   // As VolumeOpener has them; `build` is called by one thread at a time for each volume.
-  ServedVolumes(const std::vector<ServedVolume>& volumes, VolumeBuilder build,
-                std::uint64_t memory_bytes, const RemoteOptions& remote);
+  ServedVolumes(std::vector<ServedVolume> volumes, VolumeBuilder build, std::uint64_t memory_bytes,
+                const RemoteOptions& remote);
 
   std::size_t count() const { return volumes_.size(); }
   std::size_t openCount() const;
   const std::string& pathOf(std::size_t volume) const { return volumes_[volume].served.path; }
-  // The volume if it is open; else null, and it begins to be opened. One whose file was replaced is
-  // opened anew; who uses it keeps the old one. Throws Refusal (asked.h): with 500 if its opening
-  // has just failed, with 503 if others are in use.
-  Opened open(std::size_t volume);
+  // The volume if it is open; else it begins to be opened, unless that has just failed. One whose
+  // file was replaced is opened anew; who uses it keeps the old one. Sets `error` if it cannot be
+  // opened now.
+  std::shared_ptr<const OpenedVolume> open(std::size_t volume, std::string& error);
   // The same without opening it.
-  Opened find(std::size_t volume) const { return volumes_[volume].opened; }
+  std::shared_ptr<const OpenedVolume> find(std::size_t volume) const {
+    return volumes_[volume].opened;
+  }
+  bool isOpening(std::size_t volume) const { return volumes_[volume].opener != nullptr; }
+  // Its last opening failed.
+  bool isFailed(std::size_t volume) const { return !volumes_[volume].error.empty(); }
   // Takes what was opened.
   void update();
   // Its row in the list: docs/SERVE.md, "Requests".
@@ -49,13 +55,13 @@ class ServedVolumes {
  private:
   struct Volume {
     ServedVolume served;
-    Opened opened = {};
-    std::unique_ptr<VolumeOpener> opener = {};            // while it is opened
-    std::string error = {};                               // of its last opening
-    std::string file = {};                                // when that began
+    std::shared_ptr<const OpenedVolume> opened = {};
+    std::unique_ptr<VolumeOpener> opener = {};  // while it is opened
+    std::string error = {};
+    std::string file = {};                                // when its opening began
     std::chrono::steady_clock::time_point last_use = {};  // or failure
   };
-  void makeRoom();
+  bool makeRoom();
 
   const VolumeBuilder build_;
   const std::uint64_t memory_bytes_;  // of each
@@ -65,5 +71,13 @@ class ServedVolumes {
 
 // Another one for another file, also of the same name.
 std::string editionOf(const OpenedVolume& volume);
+
+// The number of the volume and what is asked of it, for "/api/volume/12/slice.png"; nothing for
+// another path.
+struct VolumePath {
+  std::size_t volume = 0;
+  std::string_view rest;  // "/slice.png"
+};
+std::optional<VolumePath> volumePathOf(std::string_view path);
 
 }  // namespace isobrick

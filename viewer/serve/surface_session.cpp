@@ -14,10 +14,9 @@ namespace {
 using SessionJson = nlohmann::ordered_json;
 
 // [[4, 9], [12, 12]]
-SessionJson rangesOf(std::vector<ChunkId> chunks) {
-  std::sort(chunks.begin(), chunks.end());
+SessionJson rangesOf(const std::vector<ChunkId>& ascending) {
   SessionJson ranges = SessionJson::array();
-  for (const ChunkId id : chunks) {
+  for (const ChunkId id : ascending) {
     if (!ranges.empty() && ranges.back()[1].get<ChunkId>() + 1 == id)
       ranges.back()[1] = id;
     else
@@ -26,7 +25,6 @@ SessionJson rangesOf(std::vector<ChunkId> chunks) {
   return ranges;
 }
 
-// Both ascending.
 std::vector<ChunkId> idsWithout(const std::vector<ChunkId>& a, const std::vector<ChunkId>& b) {
   std::vector<ChunkId> result;
   std::set_difference(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(result));
@@ -39,33 +37,20 @@ constexpr PaceTimes kLineTimes{.extraction = 0.06, .drawing = 0.14, .unhurried =
 
 }  // namespace
 
-SurfaceSession::SurfaceSession(std::shared_ptr<const OpenedVolume> opened, int threads,
-                               ClientLine& line, std::function<void()> on_news)
-    : opened_(std::move(opened)),
-      shown_volume_(opened_->file, std::nullopt, opened_->histogram.isovalues),
-      steps_(volume().voxels),
-      line_(line),
-      requests_(shown_volume_, opened_->histogram, *this, ChunkBudget(4 * kMostWaitingBytes),
-                threads, std::make_shared<KnownComponents>(), std::move(on_news),
-                {[this](SurfaceChunk& chunk) { packForClient(steps_, chunk); }, false},
-                kLineTimes) {}
-
-ChunkId SurfaceSession::reserve(const SurfaceChunk& chunk) {
-  const Load load{
-      unshown_load_.triangles + (chunk.packed.empty() ? 0u : trianglesOfPacket(chunk.packed)),
-      unshown_load_.bytes + chunk.bytes()};
-  if (load.triangles > wish_->most_triangles.value_or(load.triangles) ||
-      load.bytes > wish_->most_bytes.value_or(load.bytes))
+ChunkId ClientChunks::reserve(const SurfaceChunk& chunk) {
+  const Kept kept{chunk.packed.empty() ? 0u : trianglesOfPacket(chunk.packed), chunk.bytes()};
+  if (triangles_ + kept.triangles > most_triangles_.value_or(~std::uint64_t{0}) ||
+      bytes_ + kept.bytes > most_bytes_.value_or(~std::uint64_t{0}))
     throw NoGraphicsMemory("the client has no room for the surface");
-  dropped_.reserve(dropped_.size() + unshown_.size() + 1);  // release() must not fail
-  unshown_[++last_chunk_] = {load.triangles - unshown_load_.triangles,
-                             load.bytes - unshown_load_.bytes};
-  unshown_load_ = load;
-  return last_chunk_;
+  dropped_.reserve(dropped_.size() + kept_.size() + 1);  // release() must not fail
+  kept_.emplace(++last_, kept);
+  triangles_ += kept.triangles;
+  bytes_ += kept.bytes;
+  return last_;
 }
 
-bool SurfaceSession::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
-                                 std::size_t bytes) {
+bool ClientChunks::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                               std::size_t bytes) {
   if (!line_.hasRoom()) return false;
   if (begin + bytes < chunk.packed.size()) return true;
   std::vector<std::byte> packet = chunk.packed;
@@ -74,19 +59,50 @@ bool SurfaceSession::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::siz
   return true;
 }
 
-void SurfaceSession::release(ChunkId chunk) noexcept {
-  if (takeFromUnshown(chunk)) dropped_.push_back(chunk);
+void ClientChunks::release(ChunkId chunk) noexcept {
+  const auto kept = kept_.find(chunk);
+  if (!kept->second.was_shown) {
+    takeAway(kept->second);
+    dropped_.push_back(chunk);
+  }
+  kept_.erase(kept);
 }
 
-// False: it is none of these.
-bool SurfaceSession::takeFromUnshown(ChunkId chunk) noexcept {
-  const auto found = unshown_.find(chunk);
-  if (found == unshown_.end()) return false;
-  unshown_load_.triangles -= found->second.triangles;
-  unshown_load_.bytes -= found->second.bytes;
-  unshown_.erase(found);
-  return true;
+void ClientChunks::takeAway(const Kept& kept) noexcept {
+  triangles_ -= kept.triangles;
+  bytes_ -= kept.bytes;
 }
+
+ClientChunks::Change ClientChunks::show(std::vector<ChunkId> shown) {
+  std::sort(shown.begin(), shown.end());
+  Change change{idsWithout(shown, shown_), idsWithout(shown_, shown)};
+  for (const ChunkId id : change.show) {
+    Kept& kept = kept_.at(id);
+    kept.was_shown = true;
+    takeAway(kept);
+  }
+  shown_ = std::move(shown);
+  return change;
+}
+
+std::vector<ChunkId> ClientChunks::takeDropped() {
+  std::vector<ChunkId> taken = dropped_;
+  dropped_.clear();  // its room stays, for release()
+  std::sort(taken.begin(), taken.end());
+  return taken;
+}
+
+SurfaceSession::SurfaceSession(std::shared_ptr<const OpenedVolume> opened, int threads,
+                               ClientLine& line, std::function<void()> on_news)
+    : opened_(std::move(opened)),
+      shown_(opened_->file, std::nullopt, opened_->histogram.isovalues),
+      steps_(shown_.volume().voxels),
+      line_(line),
+      chunks_(line),
+      requests_(shown_, opened_->histogram, chunks_, ChunkBudget(4 * kMostWaitingBytes), threads,
+                std::make_shared<KnownComponents>(), std::move(on_news),
+                {[this](SurfaceChunk& chunk) { packForClient(steps_, chunk); }, false},
+                kLineTimes) {}
 
 void SurfaceSession::take(const ClientMessage& message) {
   if (const auto* const shown = std::get_if<ClientShown>(&message)) {
@@ -99,6 +115,7 @@ void SurfaceSession::take(const ClientMessage& message) {
   if (const auto* const wish = std::get_if<ClientWish>(&message)) {
     wish_ = *wish;
     is_new_ = true;
+    chunks_.bound(wish->most_triangles, wish->most_bytes);
     told_fine_ = false;
     told_error_.clear();
   }
@@ -113,10 +130,7 @@ std::optional<double> SurfaceSession::update() {
     numbers_.try_emplace(requests_.latestRequest(), wish_->number);
     is_new_ = false;
   }
-  if (!dropped_.empty()) {
-    line_.sendWord({{"type", "drop"}, {"drop", rangesOf(dropped_)}});
-    dropped_.clear();  // its room stays, for release()
-  }
+  tellDropped();
   tellState();
   if (allowance.isSpent()) return 0.0;
   constexpr double kFrame = 1.0 / 60;  // the pace goes by the time, too
@@ -140,11 +154,7 @@ void SurfaceSession::tellShown() {
   told_triangles_.emplace(told_passes_, pass.triangles_made);
   if (told_triangles_.size() > kMostUnseen) told_triangles_.erase(told_triangles_.begin());
   numbers_.erase(numbers_.begin(), numbers_.lower_bound(pass.request));
-  std::vector<ChunkId> now = requests_.chunks();
-  std::sort(now.begin(), now.end());
-  const std::vector<ChunkId> come = idsWithout(now, shown_), gone = idsWithout(shown_, now);
-  for (const ChunkId chunk : come) takeFromUnshown(chunk);
-  shown_ = std::move(now);
+  const ClientChunks::Change change = chunks_.show(requests_.chunks());
   SessionJson surfaces = SessionJson::array();
   for (std::size_t s = 0; s < wish_->surfaces.surfaces.size(); ++s) {
     const StreamedSurface* const made = shown.surface(s);
@@ -157,13 +167,18 @@ void SurfaceSession::tellShown() {
   tellWithLimit({{"type", "show"},
                  {"wish", numbers_.count(pass.request) != 0 ? numbers_.at(pass.request) : 0},
                  {"pass", told_passes_},
-                 {"show", rangesOf(come)},
-                 {"drop", rangesOf(gone)},
+                 {"show", rangesOf(change.show)},
+                 {"drop", rangesOf(change.drop)},
                  {"triangles", shown.triangles()},
                  {"radius", pass.radius},
                  {"complete", pass.is_complete},
                  {"seconds", pass.seconds},
                  {"surfaces", std::move(surfaces)}});
+}
+
+void SurfaceSession::tellDropped() {
+  if (const std::vector<ChunkId> dropped = chunks_.takeDropped(); !dropped.empty())
+    line_.sendWord({{"type", "drop"}, {"drop", rangesOf(dropped)}});
 }
 
 void SurfaceSession::tellState() {

@@ -30,9 +30,50 @@ class ClientLine {
   virtual bool hasRoom() const = 0;
 };
 
+// Sends chunks in place of keeping them, and knows what the client has.
+class ClientChunks : public ChunkStore {
+ public:
+  explicit ClientChunks(ClientLine& line) : line_(line) {}
+
+  // Of chunks that are not shown yet: NoGraphicsMemory of reserve() beyond it.
+  void bound(std::optional<std::uint64_t> most_triangles, std::optional<std::uint64_t> most_bytes) {
+    most_triangles_ = most_triangles;
+    most_bytes_ = most_bytes;
+  }
+
+  ChunkId reserve(const SurfaceChunk& chunk) override;
+  bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                   std::size_t bytes) override;
+  void endUploads() override {}
+  void release(ChunkId chunk) noexcept override;
+
+  // `shown` is shown from now on. Returns the chunks that are new among them, and those that the
+  // client may forget, both ascending.
+  struct Change {
+    std::vector<ChunkId> show, drop;
+  };
+  Change show(std::vector<ChunkId> shown);
+  // Chunks that were released without having been shown, since the last call, ascending.
+  std::vector<ChunkId> takeDropped();
+
+ private:
+  struct Kept {
+    std::uint64_t triangles = 0, bytes = 0;
+    bool was_shown = false;
+  };
+  void takeAway(const Kept& kept) noexcept;
+
+  ClientLine& line_;
+  std::optional<std::uint64_t> most_triangles_, most_bytes_;
+  ChunkId last_ = 0;
+  std::map<ChunkId, Kept> kept_;
+  std::uint64_t triangles_ = 0, bytes_ = 0;  // of those that are not shown yet
+  std::vector<ChunkId> shown_, dropped_;
+};
+
 // Belongs to one thread, which none of its calls keeps waiting, but for the destructor, which waits
 // for the end of an extraction and may be called by any other thread; it does not use the line.
-class SurfaceSession : private ChunkStore {
+class SurfaceSession {
  public:
   // Packed bytes that wait for a client that reads slowly, at most (and a chunk).
   static constexpr std::uint64_t kMostWaitingBytes = std::uint64_t{24} << 20;
@@ -41,41 +82,24 @@ class SurfaceSession : private ChunkStore {
   SurfaceSession(std::shared_ptr<const OpenedVolume> opened, int threads, ClientLine& line,
                  std::function<void()> on_news);
 
-  const ViewVolume& volume() const { return shown_volume_.volume(); }
+  const ViewVolume& volume() const { return shown_.volume(); }
   void take(const ClientMessage& message);
   // Goes on with all that can go on. Call it again after so many seconds, after news, a message,
   // and when the line has room; none: only then.
   std::optional<double> update();
 
  private:
-  struct Load {
-    std::uint64_t triangles = 0, bytes = 0;
-  };
-
-  // Sends chunks in place of keeping them.
-  ChunkId reserve(const SurfaceChunk& chunk) override;
-  bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
-                   std::size_t bytes) override;
-  void endUploads() override {}
-  void release(ChunkId chunk) noexcept override;
-
-  bool takeFromUnshown(ChunkId chunk) noexcept;
   bool isSeen() const;
   void tellShown();
+  void tellDropped();
   void tellState();
   void tellWithLimit(nlohmann::ordered_json message) const;
 
   const std::shared_ptr<const OpenedVolume> opened_;
-  const ShownVolume shown_volume_;
+  const ShownVolume shown_;
   const PositionSteps steps_;
   ClientLine& line_;
-
-  ChunkId last_chunk_ = 0;
-  std::map<ChunkId, Load> unshown_;  // chunks that the client shall not show yet
-  Load unshown_load_;                // of all of these
-  // Chunks that it shows, and those that went without having been shown.
-  std::vector<ChunkId> shown_, dropped_;
-
+  ClientChunks chunks_;
   std::optional<ClientWish> wish_;
   std::map<std::uint64_t, std::int64_t> numbers_;  // of wishes, by request
   bool is_new_ = false;                            // not asked for yet

@@ -1,7 +1,5 @@
 #include "isobrick/viewer/session/folder_listing.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -179,14 +177,6 @@ std::string shortPath(const std::string& path) {
   std::string shown = "~/";
   shown += path.substr(folder.size());
   return shown;
-}
-
-std::string fileStamp(const std::string& path) {
-  struct stat status = {};
-  if (stat(path.c_str(), &status) != 0) return {};
-  return path + '\n' + std::to_string(status.st_ino) + '\n' +
-         std::to_string(status.st_mtim.tv_sec) + '.' + std::to_string(status.st_mtim.tv_nsec) +
-         '\n' + std::to_string(status.st_size);
 }
 
 std::string freeName(const std::string& stem, const char* extension,

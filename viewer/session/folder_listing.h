@@ -56,10 +56,6 @@ std::string stemOf(const std::string& source);
 // A path as the user would write it: with ~ for the folder that $HOME names.
 std::string shortPath(const std::string& path);
 
-// Another one once another file has that path, or it was written again; empty: there is none on
-// this machine.
-std::string fileStamp(const std::string& path);
-
 // The first name STEM-0001.png, STEM-0002.png, ... that no file has, and that `isTaken` does not
 // claim. Throws Error if there is none.
 std::string freeName(const std::string& stem, const char* extension,

@@ -1,11 +1,22 @@
 #include "isobrick/viewer/session/wish_guard.h"
 
+#include <sys/stat.h>
+
 #include <utility>
 
 #include "isobrick/storage/file_system.h"
-#include "isobrick/viewer/session/folder_listing.h"
 
 namespace isobrick {
+namespace {
+
+std::string stampOf(const std::string& path) {
+  struct stat status = {};
+  if (stat(path.c_str(), &status) != 0) return {};
+  return path + '\n' + std::to_string(status.st_mtim.tv_sec) + '.' +
+         std::to_string(status.st_mtim.tv_nsec) + '\n' + std::to_string(status.st_size);
+}
+
+}  // namespace
 
 Wishes WishGuard::pass(Wishes wishes, const Stakes& stakes) {
   const bool is_safe = held_ == Held::kSave ? stakes.other_view.empty()
@@ -45,10 +56,10 @@ void WishGuard::hold(Held held, UserQuestion question) {
   question_ = std::move(question);
 }
 
-void OwnViewFile::noteWritten(const std::string& path) { stamp_ = fileStamp(path); }
+void OwnViewFile::noteWritten(const std::string& path) { stamp_ = stampOf(path); }
 
 bool OwnViewFile::isOther(const std::string& path) const {
-  return isPresent(path) && (stamp_.empty() || stamp_ != fileStamp(path));
+  return isPresent(path) && (stamp_.empty() || stamp_ != stampOf(path));
 }
 
 }  // namespace isobrick

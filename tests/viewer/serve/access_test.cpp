@@ -6,7 +6,7 @@
 #include <set>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/serve/asked.h"
+#include "isobrick/viewer/serve/served_volumes.h"
 
 namespace isobrick {
 namespace {
@@ -62,7 +62,7 @@ TEST(Access, OriginsHaveNoPath) {
     EXPECT_THROW(checkedOrigin(wrong), Error) << wrong;
 }
 
-TEST(VolumePath, NamesAVolume) {
+TEST(ServedVolumes, PathsNameAVolume) {
   EXPECT_EQ(volumePathOf("/api/volume/12/slice.png")->volume, 12u);
   EXPECT_EQ(volumePathOf("/api/volume/12/slice.png")->rest, "/slice.png");
   EXPECT_EQ(volumePathOf("/api/volume/0")->rest, "");
