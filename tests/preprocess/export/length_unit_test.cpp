@@ -393,7 +393,8 @@ TEST_F(LengthUnitTest, AGivenUnitReplacesTheInputsOwn) {
   for (const char* name : {"unknown.mha", "mm.mha", "um.mha"}) {
     SCOPED_TRACE(name);
     for (const auto& [unit, scale] : {std::pair("um", 1e-3), {"nm", 1e-6}, {"inch", 25.4}}) {
-      const VolumeInfo info = infoOf(name, [&, unit = unit](OpenOptions& options) { options.unit = unit; });
+      const VolumeInfo info =
+          infoOf(name, [&, unit = unit](OpenOptions& options) { options.unit = unit; });
       expectPlace(info, scale * spacing, scale * origin);
       EXPECT_CONTAINS(info.encoding, unit);
       const bool is_same = name == "um.mha"s && unit == "um"s;
