@@ -37,7 +37,7 @@ int runJoin(const CLI::App& command, const MergeArguments& arguments) {
   if (arguments.shares.size() > 1)
     throw UsageError(fmt::format(
         "'{}' is a pyramid of many files, which is joined alone; give nothing beside it",
-        arguments.shares.front()));
+        *std::ranges::find_if(arguments.shares, isDividedName)));
   for (const CLI::Option* const option :
        optionsBeside(command, {"SHARE", "--memory", "--threads", "--json"}))
     if (option->count() > 0)
