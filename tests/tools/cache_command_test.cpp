@@ -43,7 +43,7 @@ TEST_F(CacheCommandTest, AFullCacheIsSaidBeforeItGrows) {
   fs::resize_file(folder() + "/0123456789abcdef.isb", 9'000'000'000);  // without blocks
   const std::string warned = run(words).err;
   EXPECT_NE(warned.find("isobrick: warning: the cache in '" + folder()), std::string::npos);
-  EXPECT_NE(warned.find("--cache-folder"), std::string::npos);
+  EXPECT_NE(warned.find("XDG_CACHE_HOME"), std::string::npos);
   EXPECT_EQ(run(words).err, "") << "it is there already";
 }
 
