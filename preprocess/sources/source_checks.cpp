@@ -27,7 +27,7 @@ std::int64_t takeOne(const std::string& path, const std::string& kind,
     throw fileError(path, "'", path, "' has the ", kind, "s 0 to ", count - 1, ", and not ", taken,
                     "; choose one of these");
   if (count == 1) return 0;
-  (kind == "channel" ? info.channel : info.time_step) = {taken, count};
+  (kind == "channel" ? info.channel : info.time_step) = OneOfSeveral{taken, count};
   info.encoding += concat(info.encoding.empty() ? "" : "; ", kind, " ", taken);
   if (!wanted) info.notes.push_back(concat("of ", count, " ", kind, "s, the first was taken"));
   return taken;

@@ -567,7 +567,7 @@ class ZarrOpener {
       if (fixed[i] < 0 || fixed[i] >= count)
         throw fileError(path_, "'", path_, "' has the ", kind, "s 0 to ", count - 1, ", and not ",
                         fixed[i], "; choose one of these");
-      if (count > 1) (is_time ? info.time_step : info.channel) = {fixed[i], count};
+      if (count > 1) (is_time ? info.time_step : info.channel) = OneOfSeveral{fixed[i], count};
       if (wanted || count > 1)
         info.encoding +=
             (info.encoding.empty() ? "" : "; ") + kind + " " + std::to_string(fixed[i]);
