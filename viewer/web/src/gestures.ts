@@ -1,6 +1,7 @@
 // Mouse, fingers, wheel and keys over the scene, as viewer/state/interaction.cpp has them.
 import { orbited, panned, zoomed, type Place } from './camera';
-import type { Action, Host } from './host';
+import type { Action } from './host';
+import type { Page } from './page';
 import { scale } from './vector';
 import { activeSurface, bounded, replaced, withActive, withClipPlane, type ViewClipPlane } from './view_state';
 
@@ -12,7 +13,8 @@ const kDoubleClickMilliseconds = 400;
 const kStepDegrees = 6; // of an arrow key
 
 const kActions: Readonly<Record<string, Action>> = {
-  f: 'frame', Home: 'first', h: 'help', d: 'distance', a: 'angle', p: 'save-png', Backspace: 'back', Escape: 'end',
+  f: 'frame', Home: 'first', h: 'help', d: 'distance', a: 'angle', p: 'save-png', j: 'play', k: 'next-step',
+  Backspace: 'back', Escape: 'end',
 };
 const kDirections: Readonly<Record<string, readonly [number, number]>> = { '1': [0, 0], '3': [90, 0], '7': [0, 90] };
 const kArrows: Readonly<Record<string, Place>> = {
@@ -27,7 +29,7 @@ export class Gestures {
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
-    private readonly host: Host,
+    private readonly host: Page,
   ) {
     canvas.addEventListener('pointerdown', (event) => this.press(event));
     canvas.addEventListener('pointermove', (event) => this.move(event));
@@ -163,8 +165,9 @@ export class Gestures {
     } else if (key === 'o') {
       host.change({ ...state, camera: { ...state.camera, orthographic: !state.camera.orthographic } });
     } else if (key === 'r') {
-      const next = volume.isovalues.indexOf(activeSurface(state).isovalue) + 1;
-      const isovalue = volume.isovalues[next % volume.isovalues.length];
+      const { isovalues } = host.active.facts;
+      const next = isovalues.indexOf(activeSurface(state).isovalue) + 1;
+      const isovalue = isovalues[next % isovalues.length];
       if (isovalue !== undefined) host.change(withActive(state, { isovalue }));
     } else {
       return false;
