@@ -15,55 +15,37 @@ export interface ConnectionEvents {
 }
 
 export class Connection {
+  // The last message of each volume of the scene, and its number; what is taken out is forgotten.
+  readonly asked = new Map<number, { text: string; wish: number }>();
   private socket: WebSocket | undefined;
   private pause = kFirstPause;
   private wishes = 0;
-  private readonly asked = new Map<number, { text: string; wish: number }>(); // by volume; no text: its facts alone
   private timer = 0;
 
   constructor(private readonly first: number, private readonly token: string, private readonly events: ConnectionEvents) {
-    this.asked.set(first, { text: '', wish: 0 });
     addEventListener('online', this.retry);
     this.connect();
   }
 
-  // All are sent now, or as soon as there is a line.
-  open(volume: number): void {
-    if (!this.asked.has(volume)) this.ask(volume, '');
-  }
-  // Replaces the wish before of its volume. False: it is the same.
-  send(wish: Wish): boolean {
-    const text = JSON.stringify(wish);
-    if (this.asked.get(wish.volume)?.text === text) return false;
-    this.ask(wish.volume, text);
+  // A wish, or for the facts of a volume alone 'open', in place of the one before of its volume. Sent now,
+  // or as soon as there is a line. False: it is the same.
+  ask(message: Wish | { type: 'open'; volume: number }): boolean {
+    const text = JSON.stringify(message);
+    if (this.asked.get(message.volume)?.text === text) return false;
+    this.asked.set(message.volume, { text, wish: ++this.wishes });
+    this.sayAgain(message.volume);
     return true;
   }
   end(volume: number): void {
     if (this.asked.delete(volume)) this.say({ type: 'end', volume });
   }
-
-  // The server forgot it: the next wish is another one.
-  forget(volume: number): void {
-    this.asked.delete(volume);
-  }
-  isLast(volume: number, wish: number): boolean {
-    return this.asked.get(volume)?.wish === wish;
-  }
-  volumes(): number[] {
-    return [...this.asked.keys()];
-  }
-
   noteShown({ volume, pass }: Show, seconds: number): void {
     this.say({ type: 'shown', volume, pass, seconds });
   }
 
-  private ask(volume: number, text: string): void {
-    this.asked.set(volume, { text, wish: ++this.wishes });
-    this.sayAgain(volume);
-  }
   private sayAgain(volume: number): void {
     const { text, wish } = this.asked.get(volume)!;
-    this.say(text === '' ? { type: 'open', volume } : { type: 'wish', wish, ...(JSON.parse(text) as Wish) });
+    this.say({ ...(JSON.parse(text) as object), wish });
   }
   private say(message: object): void {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
@@ -76,7 +58,8 @@ export class Connection {
   };
 
   private connect(): void {
-    const url = addressOf(`volume/${this.volumes()[0] ?? this.first}/stream`);
+    const [volume = this.first] = this.asked.keys();
+    const url = addressOf(`volume/${volume}/stream`);
     url.protocol = url.protocol.replace('http', 'ws');
     const socket = new WebSocket(url, ['isobrick.1', `token.${this.token}`]);
     this.socket = socket;
@@ -84,7 +67,7 @@ export class Connection {
     socket.onopen = () => {
       this.pause = kFirstPause;
       this.events.begun();
-      for (const volume of this.asked.keys()) this.sayAgain(volume);
+      for (const asked of this.asked.keys()) this.sayAgain(asked);
     };
     socket.onmessage = ({ data }: MessageEvent<ArrayBuffer | string>) => {
       if (typeof data === 'string') this.events.message(JSON.parse(data) as ServerMessage);

@@ -1,7 +1,7 @@
 // Opens the volume that the address names: the key of the server first, then its list.
 import { element } from './host';
 import { Page } from './page';
-import { request, RequestError, type VolumeEntry } from './protocol';
+import { request, statusOf, type VolumeEntry } from './protocol';
 import { showVolumes } from './volume_list';
 import { fragmentOf, keepToken, keptToken, readFragment } from './view_link';
 
@@ -24,7 +24,7 @@ async function start(): Promise<void> {
     try {
       list = (await (await request('volumes', token)).json()) as NonNullable<typeof list>;
     } catch (error) {
-      if (!(error instanceof RequestError) || error.status !== 401) throw error;
+      if (statusOf(error) !== 401) throw error;
       token = await askToken();
     }
   }

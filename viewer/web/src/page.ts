@@ -7,7 +7,7 @@ import { Gestures } from './gestures';
 import { element, type Action } from './host';
 import { drawOverlay, shortNumber } from './overlay';
 import { Panel } from './panel';
-import { request, RequestError } from './protocol';
+import { request, statusOf } from './protocol';
 import type { ServerMessage, Show, VolumeEntry, VolumeFacts, Wish } from './protocol';
 import { save, savePicture } from './save';
 import { SceneRenderer, type SceneFrame } from './scene_renderer';
@@ -149,13 +149,13 @@ export class Page {
       end: () => this.chooseTool(undefined),
     };
     actions[action]();
+    this.shown = undefined;
     this.requestFrame();
   }
 
   private chooseTool(tool: Page['tool']): void {
     this.tool = tool === this.tool ? undefined : tool;
     this.picked = [];
-    this.shown = undefined;
   }
 
   private receive(message: ServerMessage): void {
@@ -168,14 +168,15 @@ export class Page {
     if (type === 'show') this.surfaces.add({ show: message });
     if (type === 'drop') this.surfaces.add(message);
     if (type === 'error') {
-      this.connection.forget(message.volume);
+      this.connection.asked.delete(message.volume); // what comes next is another wish
       this.is_playing = false;
+      this.shown = undefined;
       this.say('trouble', message.error);
     }
     if (type === 'ended') this.surfaces.add({ then: () => this.surfaces.end(message.volume) });
     if (type !== 'fine') return;
     const then = (): void => {
-      if (this.connection.isLast(message.volume, message.wish)) this.fine.add(message.volume);
+      if (this.connection.asked.get(message.volume)?.wish === message.wish) this.fine.add(message.volume);
       this.tell(message.limited);
     };
     this.surfaces.add({ then });
@@ -215,7 +216,7 @@ export class Page {
   // With a surface of it, as soon as it is open.
   addVolume(id: number): void {
     this.adding = id;
-    this.connection.open(id);
+    this.connection.ask({ type: 'open', volume: id });
   }
 
   private requestFrame(): void {
@@ -301,7 +302,7 @@ export class Page {
     for (const id of ids) this.sendWish(id, this.ids.indexOf(id), most_triangles);
     const next = this.are_steps && (this.goes_on || this.is_playing) ? this.nextStep : undefined;
     if (next !== undefined && this.isFine()) this.sendWish(next, 0, most_triangles);
-    for (const id of this.connection.volumes()) {
+    for (const id of this.connection.asked.keys()) {
       if (ids.includes(id) || [this.drawn, next, this.adding].includes(id)) continue;
       this.connection.end(id);
       this.passed.delete(id);
@@ -311,14 +312,14 @@ export class Page {
 
   private sendWish(id: number, place: number, most_triangles: number): void {
     const volume = this.volumes.get(id);
-    if (!volume) return this.connection.open(id);
+    if (!volume) return void this.connection.ask({ type: 'open', volume: id });
     const [least, greatest] = volume.facts.value_range;
     const surfaces = this.state.surfaces.filter((surface) => surface.volume === place).map((surface) => {
       const is_made = !this.are_steps || (surface.isovalue >= least && surface.isovalue <= greatest);
       return { iso: surface.isovalue, visible: is_made && surface.visible && surface.opacity > 0 };
     });
     const focus = this.state.focus.everywhere ? {} : this.focusIn(volume);
-    if (!this.connection.send({ volume: id, surfaces, ...focus, most_triangles })) return;
+    if (!this.connection.ask({ type: 'wish', volume: id, surfaces, ...focus, most_triangles })) return;
     this.fine.delete(id);
     this.tell();
   }
@@ -424,7 +425,7 @@ export class Page {
   private sayLost(): void {
     this.say('trouble', 'The connection is lost; trying again …');
     void request('volumes', this.token).catch((error: unknown) => {
-      if (error instanceof RequestError && error.status === 401)
+      if (statusOf(error) === 401)
         this.say('trouble', 'The server began anew with another key: open the address that it printed.');
     });
   }

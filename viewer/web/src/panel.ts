@@ -24,11 +24,10 @@ function showValue(input: HTMLInputElement, value: unknown): void {
   else input.valueAsNumber = value as number;
 }
 
-// Each is its place in the list, unless it has another value.
-function showChoices(box: HTMLSelectElement, names: readonly string[], values: readonly number[] = [...names.keys()]): void {
-  if (String([...box.options].map((option) => [option.value, option.text])) !== String(names.map((n, i) => [values[i], n])))
-    box.replaceChildren(...names.map((name, i) => new Option(name, String(values[i]))));
-  box.hidden = false;
+// Made anew if they are others alone, so that the focus stays where it is.
+function showChildren(place: HTMLElement, children: HTMLElement[]): void {
+  const textOf = (list: Iterable<Element>): string => [...list].map((child) => child.outerHTML).join();
+  if (textOf(place.children) !== textOf(children)) place.replaceChildren(...children);
 }
 
 type ListName = 'surfaces' | 'clip_planes' | 'measurements';
@@ -60,7 +59,7 @@ export class Panel {
     this.listen('step', (state, { valueAsNumber }) => ({ ...state, step: valueAsNumber }));
     field('step').max = String(host.entries.length - 1);
     element('time').hidden = !host.are_steps;
-    element('suggestions').addEventListener('click', ({ target }) => choose(Number((target as HTMLElement).dataset['value'])));
+    element('suggestions').addEventListener('click', ({ target }) => choose(Number((target as HTMLButtonElement).value)));
   }
 
   show(): void {
@@ -68,20 +67,16 @@ export class Panel {
     const nameOf = (id: number): string => entries[id]!.name;
     this.histogram.show(active.facts, state);
     element('isovalue-of').textContent = ids.length > 1 ? active.facts.name : '';
-    element('suggestions').replaceChildren(
-      ...active.facts.isovalues.map((value) => {
-        const button = document.createElement('button');
-        button.textContent = shortNumber(value);
-        button.dataset['value'] = String(value);
-        return button;
-      }),
+    const suggested = active.facts.isovalues.map((value) =>
+      Object.assign(document.createElement('button'), { textContent: shortNumber(value), value: String(value) }),
     );
+    showChildren(element('suggestions'), suggested);
     field('step').valueAsNumber = state.step;
     field('step').setAttribute('aria-valuetext', nameOf(ids[0]!));
     element('step-text').textContent = `${state.step + 1} of ${entries.length}`;
     element('play').setAttribute('aria-pressed', String(this.host.is_playing));
     const others = entries.map(({ id }) => id).filter((id) => !ids.includes(id));
-    showChoices(element('other-volume'), others.map(nameOf), others);
+    showChildren(element('other-volume'), others.map((id) => new Option(nameOf(id), String(id))));
     element('add-volumes').hidden = this.host.are_steps || others.length === 0 || ids.length === kMostVolumes;
     if (document.activeElement !== field('isovalue'))
       field('isovalue').value = String(Number(activeSurface(state).isovalue.toPrecision(7)));
@@ -105,7 +100,7 @@ export class Panel {
     });
     state.surfaces.forEach(({ isovalue, volume: place }, i) => {
       const choice = surfaces[i]!.querySelector('select')!;
-      showChoices(choice, ids.map(nameOf));
+      showChildren(choice, ids.map((id, at) => new Option(nameOf(id), String(at))));
       choice.value = String(place);
       choice.hidden = ids.length === 1;
       input(surfaces[i]!, '[type=radio]').checked = i === state.active_surface;

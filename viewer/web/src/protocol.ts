@@ -21,6 +21,7 @@ export interface VolumeFacts extends VolumeEntry {
 }
 
 export interface Wish {
+  type: 'wish';
   volume: number; // the id of it
   surfaces: { iso: number; visible: boolean }[];
   focus?: Vec3; // voxel indices
@@ -51,16 +52,12 @@ export type ServerMessage =
 // Where a request goes, from the folder of the page on, so that proxies may put a path in front.
 export const addressOf = (path: string): URL => new URL(`api/${path}`, document.baseURI);
 
-// Throws an Error with one line: the server's, or why there is none.
+// Throws an Error with one line: the server's, with its statusOf(), or why there is none.
 export async function request(path: string, token: string): Promise<Response> {
   const response = await fetch(addressOf(path), { headers: { Authorization: `Bearer ${token}` } });
   if (response.ok) return response;
+  const { status } = response;
   const body = (await response.json().catch(() => ({}))) as { error?: string };
-  throw new RequestError(response.status, body.error ?? `the server answers ${response.status}`);
+  throw Object.assign(new Error(body.error ?? `the server answers ${status}`), { status });
 }
-
-export class RequestError extends Error {
-  constructor(readonly status: number, message: string) {
-    super(message);
-  }
-}
+export const statusOf = (error: unknown): number | undefined => (error as { status?: number }).status;
