@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <functional>
 #include <iterator>
 #include <string_view>
 
@@ -179,7 +178,8 @@ std::string ReadableFormat::namedBy() const {
 std::vector<std::string_view> ReadableFormat::volumeEndings() const {
   std::vector<std::string_view> known;
   if (file_is_volume)
-    std::ranges::copy_if(endings, std::back_inserter(known), std::not_fn(&std::string_view::empty));
+    std::ranges::copy_if(endings, std::back_inserter(known),
+                         [](std::string_view ending) { return !ending.empty(); });
   return known;
 }
 

@@ -88,11 +88,11 @@ export class Gestures {
     this.host.hold(false);
     if (!is_click || !this.pressed || this.pressed.moved || event.button !== 0) return;
     const place = this.placeOf(event.clientX, event.clientY);
-    if (this.host.tool) return this.host.take(place);
+    if (this.host.tool) return void this.host.take(place);
     const { x, y, at } = this.last_click;
     const is_near = Math.hypot(event.clientX - x, event.clientY - y) <= 4 * kClickPixels;
     const is_again = is_near && event.timeStamp - at <= kDoubleClickMilliseconds;
-    if (is_again) this.host.take(place);
+    if (is_again) void this.host.take(place);
     this.last_click = { x: event.clientX, y: event.clientY, at: is_again ? -1e9 : event.timeStamp };
   }
 
@@ -151,7 +151,7 @@ export class Gestures {
     } else if (is_here && (key === '+' || key === '=' || key === '-')) {
       this.zoom(kZoomPerNotch ** (key === '-' ? -1 : 1), [0, 0]);
     } else if (is_here && key === 'Enter') {
-      host.take([0, 0]);
+      void host.take([0, 0]);
     } else if (kActions[key]) {
       host.act(kActions[key]);
     } else if (key === 'x' || key === 'y' || key === 'z') {

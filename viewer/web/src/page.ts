@@ -12,7 +12,7 @@ import type { ServerMessage, Show, VolumeEntry, VolumeFacts, Wish } from './prot
 import { save, savePicture } from './save';
 import { SceneRenderer, type SceneFrame } from './scene_renderer';
 import { SurfaceSet } from './surface_set';
-import { boxAround, type Box, type Vec3 } from './vector';
+import { boxOf, type Box, type Vec3 } from './vector';
 import { ViewHistory } from './view_history';
 import { fragmentOf, viewFromJson, viewToJson } from './view_link';
 import { activeSurface, bounded, firstView, focusedOn, surfaceNumber, ViewVolume } from './view_state';
@@ -107,16 +107,17 @@ export class Page {
   }
 
   // The point of the surface at a place: the tool takes it or, if there is none, the view turns about it.
-  take(place: Place): void {
-    void this.pointUnder(place).then((point) => {
-      if (!point) return;
-      if (!this.tool) return this.change(focusedOn(this.state, point, this.volume));
-      this.picked.push(point);
-      if (this.picked.length < (this.tool === 'angle' ? 3 : 2)) return this.requestFrame();
-      const measurements = [...this.state.measurements, { points: this.picked }];
-      this.picked = [];
-      this.change(bounded({ ...this.state, measurements }, this.volume));
-    });
+  async take(place: Place): Promise<void> {
+    const frame = this.frameOf();
+    const distance = await this.renderer.distanceAt(frame, place);
+    if (distance === 0) return;
+    const point = pointAt(frame.camera, place, distance);
+    if (!this.tool) return this.change(focusedOn(this.state, point, this.volume));
+    this.picked.push(point);
+    if (this.picked.length < (this.tool === 'angle' ? 3 : 2)) return this.requestFrame();
+    const measurements = [...this.state.measurements, { points: this.picked }];
+    this.picked = [];
+    this.change(bounded({ ...this.state, measurements }, this.volume));
   }
 
   act(action: Action): void {
@@ -142,7 +143,7 @@ export class Page {
       'save-stl': () => this.saveMesh(name, 'stl'),
       'save-view': () => save(new Blob([this.viewFile()]), `${name}.view.json`),
       play: () => (this.is_playing = this.are_steps && !this.is_playing),
-      'next-step': () => this.change({ ...this.state, step: this.nextStep }),
+      'next-step': () => this.are_steps && this.change({ ...this.state, step: this.nextStep }),
       distance: () => this.chooseTool('distance'),
       angle: () => this.chooseTool('angle'),
       back: () => this.picked.pop(),
@@ -173,7 +174,7 @@ export class Page {
       this.shown = undefined;
       this.say('trouble', message.error);
     }
-    if (type === 'ended') this.surfaces.add({ then: () => this.surfaces.end(message.volume) });
+    if (type === 'ended') this.surfaces.add({ then: () => this.forget(message.volume) });
     if (type !== 'fine') return;
     const then = (): void => {
       if (this.connection.asked.get(message.volume)?.wish === message.wish) this.fine.add(message.volume);
@@ -241,7 +242,7 @@ export class Page {
       panel.show();
       this.shown = this.state;
       clearTimeout(this.link_timer);
-      this.link_timer = setTimeout(() => this.writeAddress(), 300);
+      this.link_timer = setTimeout(() => history.replaceState(null, '', this.fragment(!this.keeps_token)), 300);
     }
     const comes_back = this.history.note(this.state, this.is_held || this.is_playing, seconds);
     if (has_more || this.is_playing || (comes_back && !this.is_held)) this.requestFrame();
@@ -305,9 +306,14 @@ export class Page {
     for (const id of this.connection.asked.keys()) {
       if (ids.includes(id) || [this.drawn, next, this.adding].includes(id)) continue;
       this.connection.end(id);
-      this.passed.delete(id);
-      this.fine.delete(id);
+      this.forget(id);
     }
+  }
+
+  private forget(id: number): void {
+    this.surfaces.end(id);
+    this.passed.delete(id);
+    this.fine.delete(id);
   }
 
   private sendWish(id: number, place: number, most_triangles: number): void {
@@ -341,7 +347,7 @@ export class Page {
     );
     return {
       camera: placeCamera(state.camera, this.aspect),
-      bounds: this.boxOf((other) => other.box()),
+      bounds: boxOf(this.drawnVolumes().map((other) => other.box()))!,
       lattice: { matrix: volume.indexToWorldMatrix, origin: volume.origin },
       surfaces: new Map(drawn),
       color_by_level: state.coloring === 'level',
@@ -352,28 +358,18 @@ export class Page {
     };
   }
 
-  // Around the boxes of all volumes that have one, or else the view's own.
-  private boxOf(one: (volume: ViewVolume, id: number) => Box | undefined): Box {
-    const boxes = [this.drawn, ...this.state.beside].flatMap((id) => {
-      const volume = this.volumes.get(id);
-      return (volume && one(volume, id)) ?? [];
-    });
-    return boxes.length === 0 ? this.volume.box() : boxAround(boxes.flatMap(({ lower, upper }) => [lower, upper]));
+  private drawnVolumes(): ViewVolume[] {
+    return [this.drawn, ...this.state.beside].flatMap((id) => this.volumes.get(id) ?? []);
   }
   private shownBox(): Box {
-    return this.boxOf((volume, id) => {
-      const shown = this.surfaces.shownBox(id);
-      return shown && volume.boxAround(shown.lower, shown.upper);
+    const boxes = this.drawnVolumes().flatMap((volume) => {
+      const shown = this.surfaces.shownBox(volume.facts.id);
+      return shown ? volume.boxAround(shown.lower, shown.upper) : [];
     });
+    return boxOf(boxes) ?? this.volume.box();
   }
   private framedCamera(): ViewState['camera'] {
     return framed(this.state.camera, this.shownBox(), this.aspect);
-  }
-
-  private async pointUnder(place: Place): Promise<Vec3 | undefined> {
-    const frame = this.frameOf();
-    const distance = await this.renderer.distanceAt(frame, place);
-    return distance === 0 ? undefined : pointAt(frame.camera, place, distance);
   }
 
   private resize(): void {
@@ -393,10 +389,6 @@ export class Page {
   private viewFile(): string {
     const [volume, ...beside] = this.ids.map((id) => this.entries[id]!.name);
     return viewToJson(this.state, beside.length > 0 ? { volume: volume!, beside } : {});
-  }
-
-  private writeAddress(): void {
-    history.replaceState(null, '', this.fragment(!this.keeps_token));
   }
 
   private copyLink(): void {

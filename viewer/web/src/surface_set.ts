@@ -5,7 +5,7 @@ import type { DecoderPool } from './decoder_pool';
 import { movedChunk } from './moved_chunk';
 import type { Range, Show } from './protocol';
 import type { SceneRenderer } from './scene_renderer';
-import { add, mapped, scale, type Box, type Vec3 } from './vector';
+import { add, boxOf, scale, type Box, type Vec3 } from './vector';
 import { surfaceNumber, type ViewVolume } from './view_state';
 
 // Of a frame, so that it stays far below 50 ms on a slow machine.
@@ -92,16 +92,8 @@ export class SurfaceSet {
 
   // Around what is shown of a volume, its voxel indices; none if that is nothing.
   shownBox(volume: number): Box | undefined {
-    let box: Box | undefined;
-    for (const chunk of this.kept.values()) {
-      if (!chunk.is_shown || chunk.volume !== volume) continue;
-      const { lower, upper } = chunk.box;
-      box = {
-        lower: mapped(lower, (v, i) => Math.min(v, box?.lower[i] ?? v)),
-        upper: mapped(upper, (v, i) => Math.max(v, box?.upper[i] ?? v)),
-      };
-    }
-    return box;
+    const shown = [...this.kept.values()].filter((chunk) => chunk.is_shown && chunk.volume === volume);
+    return boxOf(shown.map((chunk) => chunk.box));
   }
 
   private get base(): number {
