@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <memory>
 #include <mutex>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -36,26 +35,15 @@ struct ServeArguments {
   bool json = false;
 };
 
-// Files of these endings are volumes of their own; a folder of others, as of DICOM, is one volume.
-const std::vector<std::string>& volumeEndings() {
-  static const std::vector<std::string> all = [] {
-    std::vector<std::string> endings;
-    const Json formats = volumeFormats();
-    for (const Json& format : formats["read"])
-      if (format["file_is_volume"].get<bool>()) {
-        std::istringstream words(format["endings"].get<std::string>());
-        for (std::string word; words >> word;)
-          if (word.front() == '.') endings.push_back(word.substr(0, word.find(',')));
-      }
-    return endings;
-  }();
-  return all;
-}
-
+// A folder of other files, as of DICOM, is one volume.
 bool isListedVolume(const std::string& path) {
-  return isPyramidFile(path) || std::ranges::any_of(volumeEndings(), [&](const auto& ending) {
-           return lowercase(path).ends_with(ending);
-         });
+  static const Json formats = volumeFormats();
+  const auto isOf = [&](const Json& format) {
+    return std::ranges::any_of(format["volume_endings"], [&](const Json& ending) {
+      return lowercase(path).ends_with(ending.get<std::string>());
+    });
+  };
+  return isPyramidFile(path) || std::ranges::any_of(formats["read"], isOf);
 }
 
 ServedVolume namedAfter(const std::string& path) {
@@ -118,6 +106,8 @@ int runServeCommand(ServeArguments& arguments) {
   ServeOptions& options = arguments.options;
   for (const std::string& path : arguments.paths)
     for (ServedVolume& volume : volumesAt(path)) options.volumes.push_back(std::move(volume));
+  if (options.are_steps && options.volumes.size() < 2)
+    throw UsageError("--steps goes through several FILE; give more of them");
   options.build = builderOf(arguments);
   options.remote = remoteOptions(arguments.cache_folder, arguments.cache_bytes);
   options.cancel = &interruptFlag();
@@ -160,6 +150,9 @@ Command addServeCommand(CLI::App& app) {
          "asked for; folders of these")
       ->type_name("PATH")
       ->required();
+  sub->add_flag("--steps", options.are_steps,
+                "The volumes are steps of time, all of one grid: the page has a slider for them, "
+                "and plays them");
   addParsedOption(*sub, "--input-unit", arguments->unit, parseLengthUnit, "UNIT", kInputUnitHelp);
   addCacheFolderOption(*sub, arguments->cache_folder);
   addCacheSizeOption(*sub, arguments->cache_bytes);
@@ -195,7 +188,8 @@ more, and how to put it behind a proxy.
 
 Examples:
   isobrick serve head.isb
-  isobrick serve scans/ --memory 4G --port 8080)");
+  isobrick serve scans/ --memory 4G --port 8080
+  isobrick serve run-*.isb --steps)");
   return {sub, [arguments] { return runServeCommand(*arguments); }};
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <string_view>
 
 #include "isobrick/preprocess/export/source_views.h"
@@ -72,50 +73,67 @@ std::unique_ptr<VolumeSource> openWith(const std::string& path, const OpenOption
   return openOne(path, options);
 }
 constexpr Reader kReaders[] = {
-    {{"OME-Zarr", ".ome.zarr .zarr .ozx, zipped (.zip)", true, true, kTime | kChannel | kImage},
+    {{"OME-Zarr",
+      {".ome.zarr", ".zarr", ".ozx"},
+      "zipped (.zip)",
+      true,
+      true,
+      kTime | kChannel | kImage},
      [](const std::string& path, bool) { return isZarrFolder(path); },
      openWith<openZarrSource>},
-    {{"OpenEXR", "folder of .exr", ISOBRICK_WITH_OPENEXR, false, kGrid | kTime | kChannel},
+    {{"OpenEXR", {}, "folder of .exr", ISOBRICK_WITH_OPENEXR, false, kGrid | kTime | kChannel},
      [](const std::string& path, bool is_folder) { return is_folder && hasExrSlices(path); },
      openExr},
-    {{"HDF5", ".h5 .hdf5 .h5:/path .ims .nc, BigDataViewer's (.xml)", ISOBRICK_WITH_HDF5, true,
+    {{"HDF5",
+      {".h5", ".hdf5", ".h5:/path", ".ims", ".nc"},
+      "BigDataViewer's (.xml)",
+      ISOBRICK_WITH_HDF5,
+      true,
       kTime | kChannel},
      [](const std::string& path, bool is_folder) {
        return !is_folder && (isHdf5Name(path) || lowerExtension(path) == ".xml");
      },
      openHdf5},
-    {{"VTK ImageData", ".vti .pvti, structured points (.vtk)", true, true, kGrid},
+    {{"VTK ImageData", {".vti", ".pvti"}, "structured points (.vtk)", true, true, kGrid},
      [](const std::string& path, bool is_folder) {
        const std::string ending = lowerExtension(path);
        return !is_folder && (ending == ".vti" || ending == ".pvti" || ending == ".vtk");
      },
      openWith<openVtiSource>},
-    {{"OpenVDB", ".vdb", ISOBRICK_WITH_OPENVDB, true, kGrid},
+    {{"OpenVDB", {".vdb"}, "", ISOBRICK_WITH_OPENVDB, true, kGrid},
      [](const std::string& path, bool is_folder) {
        return !is_folder && lowerExtension(path) == ".vdb";
      },
      openVdb},
-    {{"NRRD", ".nrrd .nhdr", true, true, kTime | kChannel},
+    {{"NRRD", {".nrrd", ".nhdr"}, "", true, true, kTime | kChannel},
      isFile<isNrrdFile>,
      openWith<openNrrdSource>},
-    {{"MetaImage", ".mhd .mha", true, true, kTime | kChannel},
+    {{"MetaImage", {".mhd", ".mha"}, "", true, true, kTime | kChannel},
      isFile<isMetaImageFile>,
      openWith<openMetaImageSource>},
-    {{"NIfTI-1, NIfTI-2, Analyze", ".nii .nii.gz .hdr", true, true, kTime | kChannel},
+    {{"NIfTI-1, NIfTI-2, Analyze", {".nii", ".nii.gz", ".hdr"}, "", true, true, kTime | kChannel},
      isFile<isNiftiFile>,
      openWith<openNiftiSource>},
-    {{"MRC", ".mrc .map .map.gz", true, true, kChannel | kImage},
+    {{"MRC", {".mrc", ".map", ".map.gz"}, "", true, true, kChannel | kImage},
      isFile<isMrcFile>,
      openWith<openMrcSource>},
-    {{"DICOM", "file, or folder of a series", ISOBRICK_WITH_ITK, false,
+    {{"DICOM",
+      {},
+      "file, or folder of a series",
+      ISOBRICK_WITH_ITK,
+      false,
       kGrid | kTime | kChannel | kSeries},
      nullptr,
      openItk},
-    {{"TIFF", ".tif .tiff, or folder of slices", ISOBRICK_WITH_ITK, false,
+    {{"TIFF",
+      {".tif", ".tiff"},
+      "or folder of slices",
+      ISOBRICK_WITH_ITK,
+      false,
       kTime | kChannel | kImage},
      nullptr,
      openItk},
-    {{"PNG", "folder of slices", ISOBRICK_WITH_ITK, false, kTime | kChannel}, nullptr, openItk},
+    {{"PNG", {}, "folder of slices", ISOBRICK_WITH_ITK, false, kTime | kChannel}, nullptr, openItk},
 };
 
 // From a path that refuseUnusablePath() let pass.
@@ -141,15 +159,28 @@ std::vector<std::string> gridNames(const std::string& path, const OpenOptions& o
 }
 
 std::vector<ReadableFormat> readableFormats() {
-  static const std::string raw_endings = [] {
-    ListText endings(" ");
-    for (const std::string_view ending : kRawEndings) endings.add(ending);
-    return endings.text();
-  }();
   std::vector<ReadableFormat> formats;
   for (const Reader& reader : kReaders) formats.push_back(reader.format);
-  formats.push_back({"raw voxels", raw_endings.c_str(), true, false, 0});
+  formats.push_back({"raw voxels", kRawEndings, "", true, false, 0});
   return formats;
+}
+
+std::string ReadableFormat::namedBy() const {
+  ListText words(" ");
+  for (const std::string_view ending : endings)
+    if (!ending.empty()) words.add(ending);
+  ListText all(", ");
+  if (!words.text().empty()) all.add(words.text());
+  if (!others.empty()) all.add(others);
+  return all.text();
+}
+
+std::vector<std::string_view> ReadableFormat::volumeEndings() const {
+  std::vector<std::string_view> known;
+  if (file_is_volume)
+    std::ranges::copy_if(endings, std::back_inserter(known),
+                         [](std::string_view ending) { return !ending.empty(); });
+  return known;
 }
 
 void refuseUnusablePath(const std::string& path, const OpenOptions& options) {

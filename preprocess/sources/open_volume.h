@@ -1,6 +1,7 @@
 // From a path to a volume source, whatever the format.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -108,11 +109,16 @@ struct ReadableFormat {
   // What OpenOptions choose from.
   enum Choice : unsigned { kGrid = 1, kTime = 2, kChannel = 4, kImage = 8, kSeries = 16 };
 
-  const char* name;     // "NRRD"; the first word of VolumeInfo::format is part of it
-  const char* endings;  // or what else names it; ".mhd .mha"
-  bool is_built_in;     // false: this build of isobrick leaves it out
+  const char* name;  // "NRRD"; the first word of VolumeInfo::format is part of it
+  std::array<std::string_view, 8> endings;  // ".mhd", ".mha", and empty ones behind them
+  std::string_view others;                  // what else names it: "or folder of slices"
+  bool is_built_in;                         // false: this build of isobrick leaves it out
   bool file_is_volume;  // a file of one of these endings, and no slice of a volume
   unsigned choices;     // of Choice
+  // ".tif .tiff, or folder of slices"
+  std::string namedBy() const;
+  // Those of files that are volumes.
+  std::vector<std::string_view> volumeEndings() const;
   // Whether a volume of this VolumeInfo::format is one.
   bool isOf(const std::string& format) const {
     return std::string_view(name).find(format.substr(0, format.find(' '))) !=

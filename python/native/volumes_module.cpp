@@ -118,7 +118,7 @@ NB_MODULE(_volumes, m) {
       [] {
         nb::list result;
         for (const isobrick::ReadableFormat& format : isobrick::readableFormats())
-          if (format.is_built_in) result.append(nb::make_tuple(format.name, format.endings));
+          if (format.is_built_in) result.append(nb::make_tuple(format.name, format.namedBy()));
         return result;
       },
       nb::sig("def readable_formats() -> list[tuple[str, str]]"));

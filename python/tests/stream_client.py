@@ -191,6 +191,7 @@ class Chunk:
     """One binary message."""
 
     number: int
+    volume: int
     surface: int
     level: int
     packed: bytes
@@ -200,7 +201,8 @@ class Chunk:
     def of(message: bytes) -> Chunk:
         assert message[:4] == b"ISBC"
         number, surface, level = struct.unpack_from("<IHB", message, 4)
-        return Chunk(number, surface, level, message, struct.unpack_from("<I", message, 28)[0])
+        triangles, volume = (struct.unpack_from("<I", message, at)[0] for at in (28, 44))
+        return Chunk(number, volume, surface, level, message, triangles)
 
     def unpacked(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
         """Positions in steps, normals and triangles."""
@@ -223,7 +225,9 @@ class Client:
     """What a page does: keeps chunks, and shows what it is told to."""
 
     socket: ClientConnection
-    volume: dict[str, Any] = field(default_factory=dict)
+    volume: dict[str, Any] = field(default_factory=dict)  # the first that was open
+    volumes: dict[int, dict[str, Any]] = field(default_factory=dict)
+    numbers: set[int] = field(default_factory=set)  # of all chunks so far
     kept: dict[int, Chunk] = field(default_factory=dict)
     shown: set[int] = field(default_factory=set)
     bytes: int = 0
@@ -234,8 +238,7 @@ class Client:
 
     def begin(self) -> Client:
         """Waits until the volume is open."""
-        while self.volume.get("type") != "volume":
-            self.volume = self.receive()
+        self.until("volume")
         return self
 
     def wish(self, **members: Any) -> int:
@@ -254,7 +257,8 @@ class Client:
                 self.bytes += len(message)
                 self.since = self.since or time.perf_counter()
                 chunk = Chunk.of(message)
-                assert chunk.number not in self.kept
+                assert chunk.number not in self.numbers and chunk.volume in self.volumes
+                self.numbers.add(chunk.number)
                 self.kept[chunk.number] = chunk
                 continue
             self.bytes += len(message)
@@ -265,6 +269,13 @@ class Client:
 
     def apply(self, said: dict[str, Any]) -> None:
         """Shows and drops."""
+        if said["type"] == "volume":
+            self.volumes[said["id"]] = said
+            self.volume = self.volume or said
+        if said["type"] == "ended":
+            del self.volumes[said["volume"]]
+            self.kept = {n: chunk for n, chunk in self.kept.items() if chunk.volume != said["volume"]}
+            self.shown &= set(self.kept)
         for first, last in said.get("show", []):
             for number in range(first, last + 1):
                 if number in self.kept:
@@ -274,7 +285,7 @@ class Client:
                 self.kept.pop(number, None)
                 self.shown.discard(number)
         if said["type"] == "show":
-            assert self.triangles() == said["triangles"]
+            assert self.triangles(said["volume"]) == said["triangles"]
             if self.says_shown:
                 self.say_shown(said)
 
@@ -283,7 +294,8 @@ class Client:
         now = time.perf_counter()
         seconds = now - (self.since or now)
         self.since = None
-        self.socket.send(json.dumps({"type": "shown", "pass": said["pass"], "seconds": seconds}))
+        word = {"type": "shown", "volume": said["volume"], "pass": said["pass"], "seconds": seconds}
+        self.socket.send(json.dumps(word))
 
     def until(self, kind: str, wish: int | None = None, seconds: float = 60) -> dict[str, Any]:
         """Receives up to a message of this type, of this wish."""
@@ -295,14 +307,19 @@ class Client:
             if said["type"] == kind and wish in (None, said.get("wish")):
                 return said
 
-    def triangles(self) -> int:
-        """Shown ones."""
-        return sum(self.kept[number].triangles for number in self.shown)
+    def shown_of(self, volume: int | None = None) -> list[int]:
+        """Numbers of the chunks of a volume (default: the first) that are shown."""
+        wanted = self.volume["id"] if volume is None else volume
+        return sorted(number for number in self.shown if self.kept[number].volume == wanted)
 
-    def mesh(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-        """The shown chunks joined: positions in steps, a normal for each, triangles."""
+    def triangles(self, volume: int | None = None) -> int:
+        """Shown ones."""
+        return sum(self.kept[number].triangles for number in self.shown_of(volume))
+
+    def mesh(self, volume: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+        """Those joined: positions in steps, a normal for each, triangles."""
         all_places, all_normals, all_triangles, first = [], [], [], 0
-        for number in sorted(self.shown):
+        for number in self.shown_of(volume):
             places, normals, triangles = self.kept[number].unpacked()
             all_places.append(places)
             all_normals.append(normals)

@@ -34,9 +34,8 @@ def run(*words: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def write_volume(path: Path) -> None:
+def write_volume(path: Path, n: int = 48, steps: str = "(0.5,0,0) (0,0.7,0) (0,0,-0.9)") -> None:
     """A closed surface at 0.5 with much of it, in a place and with a spacing of its own."""
-    n = 48
     z, y, x = np.mgrid[0:n, 0:n, 0:n].astype(np.float64) * (2 * np.pi / 24)
     gyroid = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
     values = np.zeros((n, n, n), "<f4")
@@ -44,7 +43,7 @@ def write_volume(path: Path) -> None:
     values[inner, inner, inner] = (1.1 - np.abs(gyroid))[inner, inner, inner]
     header = (
         f"NRRD0004\ntype: float\ndimension: 3\nsizes: {n} {n} {n}\nencoding: raw\nendian: little\n"
-        "space: left-posterior-superior\nspace directions: (0.5,0,0) (0,0.7,0) (0,0,-0.9)\n"
+        f"space: left-posterior-superior\nspace directions: {steps}\n"
         "space origin: (5,-6,7)\n\n"
     )
     path.write_bytes(header.encode() + values.tobytes())
@@ -116,18 +115,14 @@ def range_server(folder: Path) -> Iterator[str]:
         ranges.communicate()
 
 
-def test_chunks_make_the_closed_surface_of_extract(
-    server: Server, folder: Path, tmp_path: Path
-) -> None:
-    with server.stream() as line:
-        client = Client(line).begin()
-        client.until("fine", client.wish(iso=0.5))
-        places, normals, triangles = client.mesh()
-        step = client.volume["position_step"]
-        matrix = np.array(client.volume["index_to_world"]).reshape(4, 4).T
+def check_as_of_extract(client: Client, volume: int, pyramid: Path, isovalue: float, folder: Path) -> None:
+    """The shown chunks of a volume, joined, are the closed surface that `isobrick extract` makes."""
+    places, normals, triangles = client.mesh(volume)
+    step = client.volumes[volume]["position_step"]
+    matrix = np.array(client.volumes[volume]["index_to_world"]).reshape(4, 4).T
     assert open_edges(triangles) == 0
-    run("extract", folder / "field.isb", "--iso", 0.5, "-o", tmp_path / "mesh.ply")
-    vertices, faces = read_ply(tmp_path / "mesh.ply")
+    run("extract", pyramid, "--iso", isovalue, "-o", folder / "mesh.ply", "--force")
+    vertices, faces = read_ply(folder / "mesh.ply")
     assert len(triangles) == len(faces) and len(places) == len(vertices)
     to_index = np.linalg.inv(matrix[:3, :3])
     wanted = (vertices - matrix[:3, 3]) @ to_index.T / step
@@ -146,6 +141,97 @@ def test_chunks_make_the_closed_surface_of_extract(
     along = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles].sum(axis=1))
     assert np.mean(along > 0) > 0.99
     assert np.allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
+
+
+def test_chunks_make_the_closed_surface_of_extract(
+    server: Server, folder: Path, tmp_path: Path
+) -> None:
+    with server.stream() as line:
+        client = Client(line).begin()
+        client.until("fine", client.wish(iso=0.5))
+        check_as_of_extract(client, 0, folder / "field.isb", 0.5, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def two_volumes(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, list[Path]]]:
+    """The volume, one of another grid, and what is none."""
+    path = tmp_path_factory.mktemp("beside")
+    write_volume(path / "other.nrrd", 40, "(0.6,0,0) (0,0.6,0) (0,0,0.6)")
+    run("build", path / "other.nrrd", "-o", path / "other.isb", "--brick", 16)
+    (path / "damaged.isb").write_bytes(b"no pyramid")
+    paths = [folder / "field.isb", path / "other.isb", path / "damaged.isb"]
+    with Server(EXECUTABLE, "serve", *paths, "--threads", 2) as running:
+        yield running, paths[:2]
+
+
+def test_volumes_of_one_scene_are_the_surfaces_of_each(
+    two_volumes: tuple[Server, list[Path]], tmp_path: Path
+) -> None:
+    server, paths = two_volumes
+    with server.stream() as line:
+        client = Client(line).begin()
+        # Its wish is kept until it is open.
+        wishes = [client.wish(iso=0.5), client.wish(volume=1, iso=0.4)]
+        fine = {(said["volume"], said["wish"]) for said in (client.until("fine"), client.until("fine"))}
+        assert fine == {(0, wishes[0]), (1, wishes[1])}
+        assert client.volumes[1]["name"] == "other.isb"
+        check_as_of_extract(client, 0, paths[0], 0.5, tmp_path)
+        check_as_of_extract(client, 1, paths[1], 0.4, tmp_path)
+        # Another wish of one of them leaves the other as it is.
+        shown = client.shown_of(0)
+        assert client.until("fine", client.wish(volume=1, iso=0.7, most_triangles=8000))["limited"]
+        assert client.shown_of(0) == shown and 0 < client.triangles(1) <= 8000
+        assert open_edges(client.mesh(1)[2]) == 0
+
+
+def test_a_volume_leaves_the_scene_and_comes_back(
+    two_volumes: tuple[Server, list[Path]], tmp_path: Path
+) -> None:
+    server, paths = two_volumes
+    with server.stream() as line:
+        client = Client(line).begin()
+        line.send('{"type":"open","volume":1}')
+        client.until("volume")
+        for _ in range(5):
+            client.wish(volume=1, iso=0.4)
+            line.send('{"type":"end","volume":1}')
+            client.until("ended")  # what was on its way comes before
+            assert client.shown_of(1) == []
+        for word in ('{"type":"end","volume":1}', '{"type":"shown","volume":1,"pass":1,"seconds":0}'):
+            line.send(word)  # of a volume that is in no scene
+        line.send('{"type":"end","volume":0}')
+        client.until("ended")
+        client.until("fine", client.wish(volume=1, iso=0.4))
+        client.until("fine", client.wish(volume=0, iso=0.5))
+        check_as_of_extract(client, 0, paths[0], 0.5, tmp_path)
+        check_as_of_extract(client, 1, paths[1], 0.4, tmp_path)
+
+
+def test_a_volume_that_cannot_be_opened_leaves_the_others(two_volumes: tuple[Server, list[Path]]) -> None:
+    server, _ = two_volumes
+    with server.stream() as line:
+        client = Client(line).begin()
+        client.wish(volume=2, iso=1)
+        while (said := client.receive())["type"] != "error":
+            pass
+        assert said["volume"] == 2 and "damaged.isb" in said["error"]
+        client.until("fine", client.wish(iso=0.5))
+        assert open_edges(client.mesh()[2]) == 0
+        client.wish(volume=3, iso=1)  # there is none
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                line.recv(10)
+        assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
+
+
+def test_steps_of_time_are_said(two_volumes: tuple[Server, list[Path]], folder: Path) -> None:
+    server, _ = two_volumes
+    assert json.loads(ask(server, "/api/volumes")[2])["steps"] is False
+    files = [folder / "field.isb"]
+    with Server(EXECUTABLE, "serve", *files, *files, "--steps") as steps:
+        assert json.loads(ask(steps, "/api/volumes")[2])["steps"] is True
+    done = subprocess.run([EXECUTABLE, "serve", *files, "--steps"], capture_output=True, text=True)
+    assert done.returncode == 2 and "give more of them" in done.stderr
 
 
 def test_surfaces_of_several_levels_are_closed_too(server: Server) -> None:

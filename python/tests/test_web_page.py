@@ -53,7 +53,7 @@ def open_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]
     contexts = []
     complaints: list[str] = []
 
-    def open_one(fragment: str = "", **options: Any) -> Page:
+    def open_one(fragment: str = "", of: Server = server, **options: Any) -> Page:
         settings: dict[str, Any] = {"viewport": {"width": 660, "height": 300}, "color_scheme": "dark"}
         context = browser.new_context(**(settings | options))
         contexts.append(context)
@@ -61,7 +61,7 @@ def open_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]
         page.set_default_timeout(WAIT)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
-        page.goto(f"{server.address}/#token={server.key}{fragment}")
+        page.goto(f"{of.address}/#token={of.key}{fragment}")
         settle(page)
         return page
 
@@ -112,7 +112,7 @@ def test_a_drag_over_the_histogram_shows_the_surface_of_its_isovalue(open_page: 
     expect(page.locator("#status")).to_have_text(before, timeout=WAIT)
 
 
-def likeness_to_render(page: Page, pyramid: Path, folder: Path) -> float:
+def likeness_to_render(page: Page, folder: Path, *pyramids: Path) -> float:
     """SSIM of the page's picture and that of `isobrick render` of the view that the page saves."""
     from matplotlib.image import imread
     from skimage.metrics import structural_similarity
@@ -122,7 +122,7 @@ def likeness_to_render(page: Page, pyramid: Path, folder: Path) -> float:
     shown = picture_of(page)
     (folder / "view.json").write_text(json.dumps(view_of(page)))
     height, width = shown.shape[:2]
-    words = ["render", pyramid, "--state", folder / "view.json", "--size", f"{width}x{height}"]
+    words = ["render", *pyramids, "--state", folder / "view.json", "--size", f"{width}x{height}"]
     subprocess.run([str(EXECUTABLE), *map(str, words), "-o", str(folder / "render.png"), "--force"], check=True)
     drawn = np.rint(255 * imread(folder / "render.png")[..., :3]).astype(np.uint8)
     return float(structural_similarity(shown, drawn, channel_axis=2))
@@ -141,7 +141,112 @@ def test_the_picture_is_that_of_render(
         elif change == "two":
             page.locator("#surfaces [data-field=opacity]").first.fill("0.4")
             page.locator("#add-surface").click()
-        assert likeness_to_render(page, small_head, tmp_path) >= 0.97, change
+        assert likeness_to_render(page, tmp_path, small_head) >= 0.97, change
+
+
+@pytest.fixture(scope="module")
+def balls(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three of one grid, each larger than the one before, beside the middle of the head."""
+    folder = tmp_path_factory.mktemp("balls")
+    z, y, x = np.mgrid[0:32, 0:32, 0:32].astype(np.float32)
+    distance = np.sqrt((x - 15) ** 2 + (y - 16) ** 2 + (z - 15) ** 2)
+    paths = [folder / f"ball-{radius}.isb" for radius in (7, 10, 13)]
+    for path, radius in zip(paths, (7, 10, 13), strict=True):
+        isobrick.build(radius - distance, path, spacing=(0.9, 0.7, 1.1), origin=(14, 8, 9))
+    return paths
+
+
+def test_several_volumes_are_one_scene(
+    open_page: Callable[..., Page], small_head: Path, balls: list[Path], tmp_path: Path
+) -> None:
+    with Server(EXECUTABLE, "serve", small_head, balls[2], balls[0], "--threads", 2) as server:
+        page = open_page("&volume=0", of=server)
+        alone = page.locator("#status").inner_text()
+        page.locator("#add-volume").focus()
+        page.keyboard.press("Enter")
+        expect(page.locator("#surfaces li")).to_have_count(2, timeout=WAIT)
+        settle(page)
+        both = page.locator("#status").inner_text()
+        assert both != alone
+        # The panel has the histogram of the active surface's volume, and keys of the keyboard alone reach the rest.
+        assert page.locator("#isovalue-of").inner_text() == "ball-13.isb"
+        assert page.locator("#other-volume option").all_inner_texts() == ["ball-7.isb"]
+        page.locator("#isovalue").fill("1")
+        page.keyboard.press("Enter")
+        page.locator("#scene").focus()
+        page.keyboard.press("f")
+        assert likeness_to_render(page, tmp_path, small_head, balls[2]) >= 0.97
+        page.locator("#radius").fill("0.5")
+        page.locator("#clip-x").click()
+        assert likeness_to_render(page, tmp_path, small_head, balls[2]) >= 0.97
+        state = view_of(page)
+        assert [surface["volume"] for surface in state["surfaces"]] == [0, 1]
+        assert (state["volume"], state["beside"]) == ("head.isb", ["ball-13.isb"])
+        # A file of this name finds the volumes that lie beside it.
+        here = tmp_path / "here"
+        here.mkdir()
+        for path in (small_head, balls[2]):
+            (here / path.name).symlink_to(path)
+        (here / "scene.view.json").write_text(json.dumps(state))
+        words = ["render", here / "head.isb", "--state", here / "scene.view.json", "-o", tmp_path / "found.png"]
+        subprocess.run([str(EXECUTABLE), *map(str, words)], check=True)
+        # The address holds it.
+        page.wait_for_timeout(600)
+        other = open_page("&" + page.url.split("#")[1], of=server)
+        page.reload()
+        for same in (other, page):
+            expect(same.locator("#surfaces li")).to_have_count(2, timeout=WAIT)
+            settle(same)
+            assert view_of(same) == state
+        assert np.abs(picture_of(other).astype(int) - picture_of(page)).mean() < 0.5
+        # A surface moves to another volume, and one without surfaces leaves the scene.
+        page.locator("#surfaces select").nth(1).select_option("0")
+        expect(page.locator("#surfaces select").first).to_be_hidden(timeout=WAIT)
+        settle(page)
+        assert [surface["volume"] for surface in view_of(page)["surfaces"]] == [0, 0]
+        assert view_of(page)["beside"] == []
+        page.wait_for_timeout(600)
+        page.locator("#undo").click()
+        settle(page)
+        assert view_of(page) == state
+
+
+def test_steps_of_time(open_page: Callable[..., Page], balls: list[Path], tmp_path: Path) -> None:
+    with Server(EXECUTABLE, "serve", *balls, "--steps", "--threads", 2) as server:
+        page = open_page(of=server)
+        seen = []
+        page.locator("#isovalue").fill("-2")
+        page.keyboard.press("Enter")
+        for step, path in enumerate(balls):
+            page.locator("#step").fill(str(step))
+            expect(page.locator("#name")).to_have_text(path.name, timeout=WAIT)
+            assert likeness_to_render(page, tmp_path, path) >= 0.97
+            seen.append(page.locator("#status").inner_text())
+        assert len(set(seen)) == 3
+        state = view_of(page)
+        assert state["step"] == 2 and state["surfaces"][0]["isovalue"] == -2
+        page.wait_for_timeout(600)
+        page.reload()
+        settle(page)
+        assert view_of(page) == state and page.locator("#status").inner_text() == seen[2]
+        page.locator("#scene").focus()
+        page.keyboard.press("k")  # the first one comes behind the last one
+        expect(page.locator("#status")).to_have_text(seen[0], timeout=WAIT)
+        page.keyboard.press("j")
+        expect(page.locator("#play")).to_have_attribute("aria-pressed", "true")
+        for path in (balls[1], balls[2], balls[0]):
+            expect(page.locator("#name")).to_have_text(path.name, timeout=WAIT)
+        page.keyboard.press("j")
+        expect(page.locator("#play")).to_have_attribute("aria-pressed", "false")
+        settle(page)
+
+
+def test_a_step_of_another_grid_is_refused(open_page: Callable[..., Page], small_head: Path, balls: list[Path]) -> None:
+    with Server(EXECUTABLE, "serve", balls[0], small_head, "--steps") as server:
+        page = open_page(of=server)
+        page.locator("#step").fill("1")
+        expect(page.locator("#trouble")).to_contain_text("another grid", timeout=WAIT)
+        assert view_of(page)["step"] == 0
 
 
 def test_chunks_of_coarse_levels_reach_far(browser: Browser, tmp_path: Path) -> None:
@@ -154,7 +259,7 @@ def test_chunks_of_coarse_levels_reach_far(browser: Browser, tmp_path: Path) -> 
     with Server(EXECUTABLE, "serve", tmp_path / "wave.isb") as server, browser.new_context() as context:
         page = context.new_page()
         page.goto(f"{server.address}/#token={server.key}{fragment}")
-        assert likeness_to_render(page, tmp_path / "wave.isb", tmp_path) >= 0.97
+        assert likeness_to_render(page, tmp_path, tmp_path / "wave.isb") >= 0.97
         assert re.search("levels .*[5-9]", page.locator("#status").inner_text())
 
 

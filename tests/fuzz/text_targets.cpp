@@ -215,7 +215,7 @@ void runHttp(FuzzBytes bytes) {
 void runMessage(FuzzBytes bytes) {
   ViewVolume volume;
   volume.voxels = {100, 50, 20};
-  const ClientMessage message = parseClientMessage(textOf(bytes), volume);
+  const ClientMessage message = parseClientMessage(Asked::ofMessage(textOf(bytes)), volume);
   const auto* const wish = std::get_if<ClientWish>(&message);
   if (wish == nullptr) return;
   demand(wish->surfaces.surfaces.size() <= kMostWishedSurfaces, "surfaces are bounded");

@@ -29,9 +29,9 @@ Command addVolumeFormatsCommand(CLI::App& app) {
             Json json{{"read", Json::array()}, {"write", Json::array()}};
             for (const ReadableFormat& format : readableFormats())
               json["read"].push_back({{"name", format.name},
-                                      {"endings", format.endings},
+                                      {"endings", format.namedBy()},
                                       {"built_in", format.is_built_in},
-                                      {"file_is_volume", format.file_is_volume}});
+                                      {"volume_endings", format.volumeEndings()}});
             json["write"].push_back({{"ending", ".isb"}, {"levels", false}, {"built_in", true}});
             for (const WritableFormat& format : writableFormats())
               json["write"].push_back({{"ending", format.ending},

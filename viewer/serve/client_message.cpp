@@ -4,7 +4,6 @@
 #include <string>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/serve/asked.h"
 
 namespace isobrick {
 namespace {
@@ -39,10 +38,11 @@ ClientWish clientWishOf(const Asked& asked, const ViewVolume& volume) {
     surface.isovalue = one.needed("iso", volume.least_value, volume.greatest_value);
     surface.visible = one.flag("visible").value_or(true);
   }
-  const glm::dvec3 last(volume.voxels - Index3(1));
+  const glm::dvec3 far(1 << 30);  // it may be in another volume of the scene
   const auto focus = asked.point("focus");
   wish.is_whole = !focus;
-  wish.detail.focus = focus ? glm::clamp(*focus, glm::dvec3(0.0), last) : 0.5 * last;
+  wish.detail.focus =
+      focus ? glm::clamp(*focus, -far, far) : 0.5 * glm::dvec3(volume.voxels - Index3(1));
   wish.radius = focus ? asked.needed("radius", 1.0, volume.diagonal()) : volume.diagonal();
   wish.detail.curvature_tolerance = asked.clamped("curvature", 0.0, 1e6);
   if (const auto view = asked.object("view")) wish.detail.view = viewOf(*view);
@@ -51,9 +51,7 @@ ClientWish clientWishOf(const Asked& asked, const ViewVolume& volume) {
 
 }  // namespace
 
-ClientMessage parseClientMessage(std::string_view text, const ViewVolume& volume) {
-  if (text.size() > kMostMessageBytes) throw Error("the message is too long");
-  const Asked asked = Asked::ofMessage(text);
+ClientMessage parseClientMessage(const Asked& asked, const ViewVolume& volume) {
   const std::string type = asked.text("type");
   if (type.empty()) throw Error("the message has no 'type'");
   if (type == "wish") return clientWishOf(asked, volume);

@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <string_view>
 #include <variant>
 
+#include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/state/view_state.h"
 
 namespace isobrick {
@@ -31,7 +31,7 @@ struct ClientShown {
 // Nothing: a type that this server does not know.
 using ClientMessage = std::variant<std::monostate, ClientWish, ClientShown>;
 
-// Throws Error, one line, for text that is no such message.
-ClientMessage parseClientMessage(std::string_view text, const ViewVolume& volume);
+// `volume`: that the message is about. Throws Error, one line, if it is no such message.
+ClientMessage parseClientMessage(const Asked& asked, const ViewVolume& volume);
 
 }  // namespace isobrick

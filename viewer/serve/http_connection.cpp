@@ -218,8 +218,10 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     AnswerJson volumes = AnswerJson::array();
     for (std::size_t volume = 0; volume < state_.volumes.count(); ++volume)
       volumes.push_back(state_.volumes.entryOf(volume));
-    replyJson(Status::ok,
-              {{"protocol", 1}, {"version", ISOBRICK_VERSION}, {"volumes", std::move(volumes)}});
+    replyJson(Status::ok, {{"protocol", 1},
+                           {"version", ISOBRICK_VERSION},
+                           {"steps", state_.options.are_steps},
+                           {"volumes", std::move(volumes)}});
   }
 
   // The volume, or null: it begins to be opened.

@@ -1,4 +1,5 @@
 // The WebSocket of a client: docs/SERVE.md, "The stream".
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -12,6 +13,7 @@
 #include <limits>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/serve/http_state.h"
@@ -33,6 +35,15 @@ constexpr std::size_t kMostOnTheWay = 16 << 10;
 constexpr std::size_t kMostMessages = 4096;
 constexpr auto kBetweenMessages = std::chrono::milliseconds(4);
 constexpr double kBetweenLooks = 0.05;  // at an opening, seconds
+
+// The surfaces of one volume of the client's scene.
+struct VolumeStream {
+  std::size_t volume = 0;
+  bool is_first = false;  // the connection is for it, and ends with it
+  double looked_at = 0.0;
+  std::optional<Asked> early = {};  // the last wish before the volume was open
+  std::shared_ptr<SurfaceSession> session = {};
+};
 
 }  // namespace
 
@@ -60,10 +71,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     pause_.cancel();
     beast::get_lowest_layer(socket_).close();
     state_.clients.erase(this);
-    try {
-      asio::post(state_.ends, [session = std::move(session_)]() mutable { session.reset(); });
-    } catch (const std::exception&) {  // it ended at once, and all waited for that
-    }
+    for (VolumeStream& stream : streams_) leave(std::move(stream.session));
   }
 
   void start(const HttpRequest& request) {
@@ -80,8 +88,9 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
       if (error) return self->end();
       ++self->state_.counted.clients;
       self->orEnd([&] {
+        self->streams_.push_back({self->volume_, true});
         self->read();
-        self->awaitVolume();
+        self->update();
       });
     });
   }
@@ -111,17 +120,22 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
     std::vector<std::byte> bytes;
   };
 
-  void awaitVolume() {
-    if (closing_) return;
-    std::string error;
-    const auto opened = state_.volumes.open(volume_, error);
-    if (!error.empty()) return fail(error);
-    if (opened != nullptr) return open(opened);
-    if (messages_.empty()) sendTyped("opening", state_.volumes.entryOf(volume_));
-    after(kBetweenLooks, [](StreamConnection& self) { self.awaitVolume(); });
+  // The session's end may wait for an extraction.
+  void leave(std::shared_ptr<SurfaceSession> session) try {
+    asio::post(state_.ends, [session = std::move(session)]() mutable { session.reset(); });
+  } catch (const std::exception&) {  // it ended at once, and all waited for that
   }
 
-  void open(const std::shared_ptr<const OpenedVolume>& opened) try {
+  // False: it is not open yet. Throws Error if it cannot be opened.
+  bool open(VolumeStream& stream) {
+    if (clockSeconds() - stream.looked_at < kBetweenLooks) return false;
+    stream.looked_at = clockSeconds();
+    std::string error;
+    const auto opened = state_.volumes.open(stream.volume, error);
+    if (!error.empty()) throw Error(error);
+    if (opened == nullptr && messages_.empty())
+      sendTyped("opening", state_.volumes.entryOf(stream.volume));
+    if (opened == nullptr) return false;
     // Threads of an extraction have news; one word of it is on its way at a time.
     const auto is_told = std::make_shared<std::atomic<bool>>(false);
     const auto on_news = [self = weak_from_this(), is_told, &io = state_.io] {
@@ -136,18 +150,19 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
         throw;
       }
     };
-    session_ = std::make_shared<SurfaceSession>(opened, state_.options.threads, *this, on_news);
-    sendTyped("volume", state_.volumes.factsOf(volume_));
-    if (!early_.empty()) take(early_);
-  } catch (const std::exception& failure) {
-    fail(failureWords(failure));
+    stream.session = std::make_shared<SurfaceSession>(
+        opened, static_cast<std::uint32_t>(stream.volume), state_.options.threads, *this, on_news);
+    sendTyped("volume", state_.volumes.factsOf(stream.volume));
+    if (const auto early = std::exchange(stream.early, std::nullopt)) take(*early, stream);
+    return true;
   }
 
-  void fail(const std::string& error) {
+  void fail(VolumeStream& stream, const std::string& error) {
     orEnd([&] {
-      sendTyped("error", {{"error", error}});
-      close(websocket::close_code::internal_error, error);
+      sendTyped("error", {{"volume", stream.volume}, {"error", error}});
+      if (stream.is_first) close(websocket::close_code::internal_error, error);
     });
+    leave(std::move(stream.session));
   }
 
   // A client that something cannot be done for would wait for ever.
@@ -166,12 +181,9 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void onRead(StreamError error) {
     if (error || ended_) return end();
-    std::string text = beast::buffers_to_string(buffer_.data());
+    const std::string text = beast::buffers_to_string(buffer_.data());
     buffer_.clear();
-    if (session_ == nullptr)
-      early_ = std::move(text);
-    else
-      take(text);
+    take(text);
     if (ended_) return;
     const auto now = std::chrono::steady_clock::now();
     const bool is_soon = now - last_message_ < kBetweenMessages;
@@ -185,21 +197,63 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void take(const std::string& text) try {
     if (closing_) return;
-    const ClientMessage message = parseClientMessage(text, session_->volume());
-    if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
-    session_->take(message);
+    const Asked asked = Asked::ofMessage(text);
+    const std::string type = asked.text("type");
+    const auto named = asked.integer("volume", 0, static_cast<int>(state_.volumes.count()) - 1);
+    const std::size_t volume = named ? static_cast<std::size_t>(*named) : volume_;
+    auto stream = std::ranges::find(streams_, volume, &VolumeStream::volume);
+    if (type == "end") {
+      if (stream == streams_.end()) return;
+      leave(std::move(stream->session));
+      streams_.erase(stream);
+      return sendTyped("ended", {{"volume", volume}});
+    }
+    if (stream == streams_.end()) {
+      if (type != "open" && type != "wish") return;
+      stream = streams_.insert(stream, {volume});
+    }
+    if (stream->session != nullptr)
+      take(asked, *stream);
+    else if (type == "wish")
+      stream->early = asked;
     update();
   } catch (const Error& failure) {
     close(websocket::close_code::policy_error, failure.what());
   }
 
-  void update() try {
-    if (session_ == nullptr || closing_) return;
-    const std::optional<double> again = session_->update();
-    if (again) return after(*again, [](StreamConnection& self) { self.update(); });
-    timer_.cancel();
+  void take(const Asked& asked, VolumeStream& stream) try {
+    const ClientMessage message = parseClientMessage(asked, stream.session->volume());
+    if (std::holds_alternative<ClientWish>(message)) ++state_.counted.wishes;
+    stream.session->take(message);
+  } catch (const Error& failure) {
+    close(websocket::close_code::policy_error, failure.what());
+  }
+
+  // Each volume in its turn is the first to get room on the line.
+  void update() {
+    orEnd([&] {
+      std::optional<double> again;
+      if (!streams_.empty()) std::rotate(streams_.begin(), streams_.begin() + 1, streams_.end());
+      for (std::size_t i = 0; i < streams_.size() && !closing_;)
+        if (goesOn(streams_[i], again))
+          ++i;
+        else
+          streams_.erase(streams_.begin() + static_cast<std::ptrdiff_t>(i));
+      if (again && !closing_) return after(*again, [](StreamConnection& self) { self.update(); });
+      timer_.cancel();
+    });
+  }
+
+  // False: it is over. `again`: the seconds after which one wants to go on.
+  bool goesOn(VolumeStream& stream, std::optional<double>& again) try {
+    const bool is_open = stream.session != nullptr || open(stream);
+    if (closing_) return true;
+    const auto soon = is_open ? stream.session->update() : std::optional(kBetweenLooks);
+    if (soon) again = std::min(again.value_or(*soon), *soon);
+    return true;
   } catch (const std::exception& failure) {
-    fail(failureWords(failure));
+    fail(stream, failureWords(failure));
+    return false;
   }
 
   // `what` takes the place of what the timer was to do.
@@ -255,11 +309,10 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
   websocket::stream<beast::tcp_stream> socket_;
   asio::steady_timer timer_, pause_;
   beast::flat_buffer buffer_{kMostMessageBytes};
-  std::string early_;  // the last message before the volume was open
   std::chrono::steady_clock::time_point last_message_;
   std::deque<Message> messages_;  // the first one is being written
   std::size_t on_the_way_ = 0;    // bytes of them
-  std::shared_ptr<SurfaceSession> session_;
+  std::vector<VolumeStream> streams_;
   bool closing_ = false, ended_ = false;
 };
 

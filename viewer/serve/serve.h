@@ -16,6 +16,7 @@ namespace isobrick {
 
 struct ServeOptions {
   std::vector<ServedVolume> volumes;
+  bool are_steps = false;  // of one volume in time
   VolumeBuilder build;
   RemoteOptions remote;
   std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;

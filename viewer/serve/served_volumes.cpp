@@ -74,8 +74,9 @@ std::shared_ptr<const OpenedVolume> ServedVolumes::open(std::size_t volume, std:
     return nullptr;
   }
   wanted.file = file;
-  wanted.opener = std::make_unique<VolumeOpener>(build_, memory_bytes_, remote_);
-  wanted.opener->open(wanted.served.path);
+  auto opener = std::make_unique<VolumeOpener>(build_, memory_bytes_, remote_);
+  opener->open(wanted.served.path);
+  wanted.opener = std::move(opener);  // one that could not begin would stay for ever
   return nullptr;
 }
 
@@ -95,11 +96,11 @@ void ServedVolumes::update() {
     if (volume.opener == nullptr) continue;
     auto outcome = volume.opener->poll();
     if (!outcome) continue;
+    volume.opener.reset();  // first: what it had is taken
+    volume.error = std::move(outcome->error);
+    volume.last_use = VolumeClock::now();
     if (outcome->volume)
       volume.opened = std::make_shared<const OpenedVolume>(std::move(*outcome->volume));
-    volume.error = outcome->error;
-    volume.last_use = VolumeClock::now();
-    volume.opener.reset();
   }
 }
 

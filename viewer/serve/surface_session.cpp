@@ -43,10 +43,11 @@ ChunkId ClientChunks::reserve(const SurfaceChunk& chunk) {
       bytes_ + kept.bytes > most_bytes_.value_or(~std::uint64_t{0}))
     throw NoGraphicsMemory("the client has no room for the surface");
   dropped_.reserve(dropped_.size() + kept_.size() + 1);  // release() must not fail
-  kept_.emplace(++last_, kept);
+  const ChunkId id = line_.nextChunk();
+  kept_.emplace(id, kept);
   triangles_ += kept.triangles;
   bytes_ += kept.bytes;
-  return last_;
+  return id;
 }
 
 bool ClientChunks::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
@@ -54,7 +55,7 @@ bool ClientChunks::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_
   if (!line_.hasRoom()) return false;
   if (begin + bytes < chunk.packed.size()) return true;
   std::vector<std::byte> packet = chunk.packed;
-  setChunkNumber(packet, id);
+  setChunkNumber(packet, id, volume_);
   line_.sendChunk(std::move(packet));
   return true;
 }
@@ -92,13 +93,14 @@ std::vector<ChunkId> ClientChunks::takeDropped() {
   return taken;
 }
 
-SurfaceSession::SurfaceSession(std::shared_ptr<const OpenedVolume> opened, int threads,
-                               ClientLine& line, std::function<void()> on_news)
+SurfaceSession::SurfaceSession(std::shared_ptr<const OpenedVolume> opened, std::uint32_t number,
+                               int threads, ClientLine& line, std::function<void()> on_news)
     : opened_(std::move(opened)),
       shown_(opened_->file, std::nullopt, opened_->histogram.isovalues),
       steps_(shown_.volume().voxels),
+      number_(number),
       line_(line),
-      chunks_(line),
+      chunks_(line, number),
       requests_(shown_, opened_->histogram, chunks_, ChunkBudget(4 * kMostWaitingBytes), threads,
                 std::make_shared<KnownComponents>(), std::move(on_news),
                 {[this](SurfaceChunk& chunk) { packForClient(steps_, chunk); }, false},
@@ -178,13 +180,13 @@ void SurfaceSession::tellShown() {
 
 void SurfaceSession::tellDropped() {
   if (const std::vector<ChunkId> dropped = chunks_.takeDropped(); !dropped.empty())
-    line_.sendWord({{"type", "drop"}, {"drop", rangesOf(dropped)}});
+    tell({{"type", "drop"}, {"drop", rangesOf(dropped)}});
 }
 
 void SurfaceSession::tellState() {
   if (const std::string& error = requests_.error(); error != told_error_) {
     told_error_ = error;
-    if (!error.empty()) line_.sendWord({{"type", "error"}, {"error", error}});
+    if (!error.empty()) tell({{"type", "error"}, {"error", error}});
   }
   if (told_fine_ || !wish_ || !requests_.isFine(wish_->surfaces)) return;
   told_fine_ = true;
@@ -195,6 +197,11 @@ void SurfaceSession::tellWithLimit(SessionJson message) const {
   if (requests_.isOverBudget())
     message["limited"] =
         "coarser than wished: all of it is more than the browser or the connection can take";
+  tell(std::move(message));
+}
+
+void SurfaceSession::tell(SessionJson message) const {
+  message["volume"] = number_;
   line_.sendWord(message);
 }
 

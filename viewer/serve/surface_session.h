@@ -1,4 +1,5 @@
-// The surfaces of one client: wishes in, chunks and words about them out. No network.
+// The surfaces that one client sees of one volume: wishes in, chunks and words about them out. No
+// network.
 #pragma once
 
 #include <cstddef>
@@ -20,20 +21,26 @@
 
 namespace isobrick {
 
-// The way to a client: messages arrive in the order in which they are sent here.
+// The way to a client, for all volumes of its scene: messages arrive in the order in which they are
+// sent here.
 class ClientLine {
  public:
   virtual ~ClientLine() = default;
+  // Of the next chunk; none is given twice.
+  ChunkId nextChunk() { return ++last_chunk_; }
   virtual void sendWord(const nlohmann::ordered_json& word) = 0;
   virtual void sendChunk(std::vector<std::byte> packet) = 0;
   // Little enough is on its way for another chunk to follow.
   virtual bool hasRoom() const = 0;
+
+ private:
+  ChunkId last_chunk_ = 0;
 };
 
 // Sends chunks in place of keeping them, and knows what the client has.
 class ClientChunks : public ChunkStore {
  public:
-  explicit ClientChunks(ClientLine& line) : line_(line) {}
+  ClientChunks(ClientLine& line, std::uint32_t volume) : line_(line), volume_(volume) {}
 
   // Of chunks that are not shown yet: NoGraphicsMemory of reserve() beyond it.
   void bound(std::optional<std::uint64_t> most_triangles, std::optional<std::uint64_t> most_bytes) {
@@ -64,8 +71,8 @@ class ClientChunks : public ChunkStore {
   void takeAway(const Kept& kept) noexcept;
 
   ClientLine& line_;
+  const std::uint32_t volume_;
   std::optional<std::uint64_t> most_triangles_, most_bytes_;
-  ChunkId last_ = 0;
   std::map<ChunkId, Kept> kept_;
   std::uint64_t triangles_ = 0, bytes_ = 0;  // of those that are not shown yet
   std::vector<ChunkId> shown_, dropped_;
@@ -78,9 +85,10 @@ class SurfaceSession {
   // Packed bytes that wait for a client that reads slowly, at most (and a chunk).
   static constexpr std::uint64_t kMostWaitingBytes = std::uint64_t{24} << 20;
 
-  // `on_news`, from any thread: call update(). The line outlives the last call but the destructor.
-  SurfaceSession(std::shared_ptr<const OpenedVolume> opened, int threads, ClientLine& line,
-                 std::function<void()> on_news);
+  // `number`: that the client knows the volume by; all words have it. `on_news`, from any thread:
+  // call update(). The line outlives the last call but the destructor.
+  SurfaceSession(std::shared_ptr<const OpenedVolume> opened, std::uint32_t number, int threads,
+                 ClientLine& line, std::function<void()> on_news);
 
   const ViewVolume& volume() const { return shown_.volume(); }
   void take(const ClientMessage& message);
@@ -94,10 +102,12 @@ class SurfaceSession {
   void tellDropped();
   void tellState();
   void tellWithLimit(nlohmann::ordered_json message) const;
+  void tell(nlohmann::ordered_json message) const;
 
   const std::shared_ptr<const OpenedVolume> opened_;
   const ShownVolume shown_;
   const PositionSteps steps_;
+  const std::uint32_t number_;
   ClientLine& line_;
   ClientChunks chunks_;
   std::optional<ClientWish> wish_;

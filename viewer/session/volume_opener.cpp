@@ -47,7 +47,8 @@ void VolumeOpener::cancel() {
 std::optional<VolumeOpener::Outcome> VolumeOpener::poll() {
   auto outcome = worker_.poll();
   if (!outcome) return std::nullopt;
-  return Outcome{outcome->request, std::move(outcome->result), outcome->error};
+  return Outcome{std::move(outcome->request), std::move(outcome->result),
+                 std::move(outcome->error)};
 }
 
 std::optional<OpenedVolume> VolumeOpener::takePreview() {

@@ -17,7 +17,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-constexpr std::size_t kNumberAt = 4, kTrianglesAt = 28;
+constexpr std::size_t kNumberAt = 4, kTrianglesAt = 28, kVolumeAt = 44;
 
 struct PacketHeader {
   std::array<char, 4> magic{'I', 'S', 'B', 'C'};
@@ -28,11 +28,12 @@ struct PacketHeader {
   std::array<std::int32_t, 3> origin{};
   std::uint32_t vertices = 0, triangles = 0;
   std::array<std::uint32_t, 3> packed_bytes{};
-  std::uint32_t reserved = 0;
+  std::uint32_t volume = 0;
 };
 static_assert(sizeof(PacketHeader) == 48);
 static_assert(offsetof(PacketHeader, number) == kNumberAt);
 static_assert(offsetof(PacketHeader, triangles) == kTrianglesAt);
+static_assert(offsetof(PacketHeader, volume) == kVolumeAt);
 
 constexpr int kBits = 16, kHighBits = 5;
 constexpr double kMostSteps = (1 << (kBits + kHighBits)) - 1;
@@ -108,8 +109,9 @@ void packForClient(const PositionSteps& steps, SurfaceChunk& chunk) {
   chunk.triangles = {};
 }
 
-void setChunkNumber(std::span<std::byte> packet, std::uint32_t number) {
+void setChunkNumber(std::span<std::byte> packet, std::uint32_t number, std::uint32_t volume) {
   std::memcpy(packet.data() + kNumberAt, &number, sizeof number);
+  std::memcpy(packet.data() + kVolumeAt, &volume, sizeof volume);
 }
 
 std::uint32_t trianglesOfPacket(std::span<const std::byte> packet) {

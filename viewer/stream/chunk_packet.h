@@ -32,8 +32,8 @@ class PositionSteps {
 // threads at once.
 void packForClient(const PositionSteps& steps, SurfaceChunk& chunk);
 
-// Of what packForClient() made.
-void setChunkNumber(std::span<std::byte> packet, std::uint32_t number);
+// Of what packForClient() made. `volume`: the number that the client knows it by.
+void setChunkNumber(std::span<std::byte> packet, std::uint32_t number, std::uint32_t volume);
 std::uint32_t trianglesOfPacket(std::span<const std::byte> packet);
 
 }  // namespace isobrick

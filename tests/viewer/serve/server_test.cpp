@@ -9,6 +9,7 @@
 #include <future>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -118,9 +119,12 @@ class StreamClient {
       next = connection_.read(1);
     if (answer.find(" 101 ") == std::string::npos) throw std::runtime_error(answer);
   }
-  void wish(int number, double isovalue) {
-    const std::string text = R"({"type":"wish","wish":)" + std::to_string(number) +
-                             R"(,"surfaces":[{"iso":)" + std::to_string(isovalue) + "}]}";
+  // `more`: further members.
+  void wish(int number, double isovalue, const std::string& more = "") {
+    say(R"({"type":"wish","wish":)" + std::to_string(number) + more + R"(,"surfaces":[{"iso":)" +
+        std::to_string(isovalue) + "}]}");
+  }
+  void say(const std::string& text) {
     if (text.size() > 125) throw std::logic_error("a longer length has another form");
     connection_.send(std::string{'\x81', static_cast<char>(0x80 | text.size())} +
                      std::string(4, '\0') + text);
@@ -181,6 +185,29 @@ TEST_F(ServerTest, ClientsAtOnceGetWhatTheyAskFor) {
   EXPECT_EQ(summary.clients, std::uint64_t{kClients});
   EXPECT_EQ(summary.refused, 0u);
   EXPECT_GT(summary.chunks, 0u);
+}
+
+TEST_F(ServerTest, VolumesComeIntoASceneAndLeaveIt) {
+  constexpr int kTimes = 12;
+  std::vector<std::future<void>> clients;
+  for (int client = 0; client < 3; ++client)
+    clients.push_back(std::async(std::launch::async, [this, client] {
+      StreamClient stream(port_, begin("/api/volume/0/stream"), key_);
+      for (int number = 0; number < kTimes; ++number) {
+        stream.wish(2 * number, 0.1 * number);
+        stream.wish(2 * number + 1, 0.2 * number, R"(,"volume":1)");
+        if (number % 3 == client) stream.until("show");
+        stream.say(R"({"type":"end","volume":1})");
+        EXPECT_EQ(stream.until("ended")["volume"], 1);
+      }
+      stream.wish(2 * kTimes, 0.0, R"(,"volume":1)");
+      stream.wish(2 * kTimes + 1, 0.0);
+      std::set<int> fine;
+      while (fine != std::set{2 * kTimes, 2 * kTimes + 1})
+        fine.insert(stream.until("fine")["wish"].get<int>());
+    }));
+  for (std::future<void>& client : clients) client.get();
+  EXPECT_EQ(end().refused, 0u);
 }
 
 TEST_F(ServerTest, EndsWithClientsThatAreStillServed) {

@@ -67,6 +67,7 @@ class TestLine : public ClientLine {
  public:
   void sendWord(const nlohmann::ordered_json& word) override {
     const nlohmann::json json = word;
+    EXPECT_EQ(json["volume"], 7);
     said.push_back(json);
     for (const auto& range : json.value("show", nlohmann::json::array()))
       for (std::uint32_t id = range[0]; id <= range[1].get<std::uint32_t>(); ++id) shown.insert(id);
@@ -78,6 +79,7 @@ class TestLine : public ClientLine {
   }
   void sendChunk(std::vector<std::byte> packet) override {
     const std::uint32_t id = word(packet, 4);
+    EXPECT_EQ(word(packet, 44), 7u) << "of the volume";
     EXPECT_TRUE(kept.emplace(id, std::move(packet)).second);
   }
   bool hasRoom() const override { return has_room; }
@@ -95,10 +97,10 @@ class SurfaceSessionTest : public ::testing::Test {
     opened.file = test::openTwoBalls(folder_);
     opened.histogram = histogramOf(*opened.file);
     opened_ = std::make_shared<const OpenedVolume>(std::move(opened));
-    session_ = std::make_unique<SurfaceSession>(opened_, 2, line_, [] {});
+    session_ = std::make_unique<SurfaceSession>(opened_, 7, 2, line_, [] {});
   }
   void wish(const std::string& text) {
-    session_->take(parseClientMessage(text, session_->volume()));
+    session_->take(parseClientMessage(Asked::ofMessage(text), session_->volume()));
   }
   const nlohmann::json& until(const std::string& type) {
     const std::size_t before = line_.said.size();

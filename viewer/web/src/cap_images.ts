@@ -34,18 +34,17 @@ export class CapImages {
   private timer = 0;
 
   constructor(
-    private readonly volume_id: number,
     private readonly token: string,
     private readonly onNews: () => void,
   ) {}
 
   // Of the planes that cut and have a cap, by their place among those that cut.
   capsOf(state: ViewState, volume: ViewVolume): SceneCap[] {
-    const visible = state.surfaces.filter((surface) => surface.visible && surface.opacity > 0);
+    const visible = state.surfaces.filter((surface) => surface.volume === 0 && surface.visible && surface.opacity > 0);
     if (visible.length === 0) return [];
     const least = Math.min(...visible.map((surface) => surface.isovalue));
     const wanted: string[] = [];
-    const [lowest, highest] = volume.values;
+    const [lowest, highest] = volume.facts.value_range;
     const share = (value: number): number => (value - lowest) / (highest - lowest || 1);
     const window: [number, number] = [share(state.value_window[0]), share(state.value_window[1])];
     const caps = state.clip_planes
@@ -59,7 +58,7 @@ export class CapImages {
           subtract(volume.worldToIndex(add(place.corner, v)), corner),
         );
         const path =
-          `volume/${this.volume_id}/slice.png?corner=${index(corner)}&across=${index(ends[0]!)}` +
+          `volume/${volume.facts.id}/slice.png?corner=${index(corner)}&across=${index(ends[0]!)}` +
           `&along=${index(ends[1]!)}&size=${kMostPixels}&least=-1e30`; // where there is no value, it is clear
         wanted.push(path);
         return [{ plane: i, ...place, values: this.images.get(path), least: share(least), window }];

@@ -4,7 +4,8 @@ import type { Vec3 } from './vector';
 
 export interface UnpackedChunk {
   id: number;
-  surface: number;
+  volume: number; // the id of it
+  surface: number; // its place among those of the volume
   level: number;
   origin: Vec3; // steps
   lower: Vec3; // of the least box around its positions
@@ -15,6 +16,8 @@ export interface UnpackedChunk {
 }
 
 const kHeadBytes = 48;
+
+export const volumeOfChunk = (message: ArrayBuffer): number => new DataView(message).getUint32(44, true);
 
 export async function unpackChunk(message: ArrayBuffer): Promise<UnpackedChunk> {
   await MeshoptDecoder.ready;
@@ -37,6 +40,7 @@ export async function unpackChunk(message: ArrayBuffer): Promise<UnpackedChunk> 
   unpack(triangles, indices, word(40), 'TRIANGLES', 'NONE');
   return {
     id: word(4),
+    volume: volumeOfChunk(message),
     surface: head.getUint16(8, true),
     level: head.getUint8(10),
     origin: [head.getInt32(12, true), head.getInt32(16, true), head.getInt32(20, true)],

@@ -1,5 +1,5 @@
-// The stream of one volume: sends the last wish, and connects again if the line breaks.
-import { addressOf, type ServerMessage, type Wish } from './protocol';
+// The stream of the volumes of a scene: sends the last wish of each, and connects again if the line breaks.
+import { addressOf, type ServerMessage, type Show, type Wish } from './protocol';
 
 const kFirstPause = 500;
 const kLongestPause = 5000; // milliseconds
@@ -10,36 +10,45 @@ export interface ConnectionEvents {
   // A line is down, or up again: forget the chunks of the line before.
   begun(): void;
   lost(): void;
-  // The volume cannot be opened, or there is no right key; no other try is made.
+  // The first volume cannot be opened, or there is no right key; no other try is made.
   refused(): void;
 }
 
 export class Connection {
+  // The last message of each volume of the scene, and its number; what is taken out is forgotten.
+  readonly asked = new Map<number, { text: string; wish: number }>();
   private socket: WebSocket | undefined;
-  private is_ready = false;
   private pause = kFirstPause;
   private wishes = 0;
-  private wish: Wish | undefined;
   private timer = 0;
 
-  constructor(private readonly volume: number, private readonly token: string, private readonly events: ConnectionEvents) {
+  constructor(private readonly first: number, private readonly token: string, private readonly events: ConnectionEvents) {
     addEventListener('online', this.retry);
     this.connect();
   }
 
-  // Replaces the wish before. Sent now, or as soon as there is a line.
-  send(wish: Wish): void {
-    this.wish = wish;
-    if (this.is_ready) this.socket?.send(JSON.stringify({ type: 'wish', wish: ++this.wishes, ...wish }));
+  // A wish, or for the facts of a volume alone 'open', in place of the one before of its volume. Sent now,
+  // or as soon as there is a line. False: it is the same.
+  ask(message: Wish | { type: 'open'; volume: number }): boolean {
+    const text = JSON.stringify(message);
+    if (this.asked.get(message.volume)?.text === text) return false;
+    this.asked.set(message.volume, { text, wish: ++this.wishes });
+    this.sayAgain(message.volume);
+    return true;
+  }
+  end(volume: number): void {
+    if (this.asked.delete(volume)) this.say({ type: 'end', volume });
+  }
+  noteShown({ volume, pass }: Show, seconds: number): void {
+    this.say({ type: 'shown', volume, pass, seconds });
   }
 
-  // Of the last wish that was sent.
-  get lastWish(): number {
-    return this.wishes;
+  private sayAgain(volume: number): void {
+    const { text, wish } = this.asked.get(volume)!;
+    this.say({ ...(JSON.parse(text) as object), wish });
   }
-
-  noteShown(pass: number, seconds: number): void {
-    if (this.is_ready) this.socket?.send(JSON.stringify({ type: 'shown', pass, seconds }));
+  private say(message: object): void {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 
   private readonly retry = (): void => {
@@ -49,7 +58,8 @@ export class Connection {
   };
 
   private connect(): void {
-    const url = addressOf(`volume/${this.volume}/stream`);
+    const [volume = this.first] = this.asked.keys();
+    const url = addressOf(`volume/${volume}/stream`);
     url.protocol = url.protocol.replace('http', 'ws');
     const socket = new WebSocket(url, ['isobrick.1', `token.${this.token}`]);
     this.socket = socket;
@@ -57,17 +67,13 @@ export class Connection {
     socket.onopen = () => {
       this.pause = kFirstPause;
       this.events.begun();
+      for (const asked of this.asked.keys()) this.sayAgain(asked);
     };
     socket.onmessage = ({ data }: MessageEvent<ArrayBuffer | string>) => {
-      if (typeof data !== 'string') return this.events.chunk(data);
-      const message = JSON.parse(data) as ServerMessage;
-      this.events.message(message);
-      if (message.type !== 'volume') return;
-      this.is_ready = true;
-      if (this.wish) this.send(this.wish);
+      if (typeof data === 'string') this.events.message(JSON.parse(data) as ServerMessage);
+      else this.events.chunk(data);
     };
     socket.onclose = ({ code }) => {
-      this.is_ready = false;
       this.socket = undefined;
       if (code === 1011 || code === 1008) return this.events.refused();
       this.events.lost();

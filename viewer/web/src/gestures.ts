@@ -1,6 +1,7 @@
 // Mouse, fingers, wheel and keys over the scene, as viewer/state/interaction.cpp has them.
 import { orbited, panned, zoomed, type Place } from './camera';
-import type { Action, Host } from './host';
+import type { Action } from './host';
+import type { Page } from './page';
 import { scale } from './vector';
 import { activeSurface, bounded, replaced, withActive, withClipPlane, type ViewClipPlane } from './view_state';
 
@@ -12,7 +13,8 @@ const kDoubleClickMilliseconds = 400;
 const kStepDegrees = 6; // of an arrow key
 
 const kActions: Readonly<Record<string, Action>> = {
-  f: 'frame', Home: 'first', h: 'help', d: 'distance', a: 'angle', p: 'save-png', Backspace: 'back', Escape: 'end',
+  f: 'frame', Home: 'first', h: 'help', d: 'distance', a: 'angle', p: 'save-png', j: 'play', k: 'next-step',
+  Backspace: 'back', Escape: 'end',
 };
 const kDirections: Readonly<Record<string, readonly [number, number]>> = { '1': [0, 0], '3': [90, 0], '7': [0, 90] };
 const kArrows: Readonly<Record<string, Place>> = {
@@ -27,7 +29,7 @@ export class Gestures {
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
-    private readonly host: Host,
+    private readonly host: Page,
   ) {
     canvas.addEventListener('pointerdown', (event) => this.press(event));
     canvas.addEventListener('pointermove', (event) => this.move(event));
@@ -86,11 +88,11 @@ export class Gestures {
     this.host.hold(false);
     if (!is_click || !this.pressed || this.pressed.moved || event.button !== 0) return;
     const place = this.placeOf(event.clientX, event.clientY);
-    if (this.host.tool) return this.host.take(place);
+    if (this.host.tool) return void this.host.take(place);
     const { x, y, at } = this.last_click;
     const is_near = Math.hypot(event.clientX - x, event.clientY - y) <= 4 * kClickPixels;
     const is_again = is_near && event.timeStamp - at <= kDoubleClickMilliseconds;
-    if (is_again) this.host.take(place);
+    if (is_again) void this.host.take(place);
     this.last_click = { x: event.clientX, y: event.clientY, at: is_again ? -1e9 : event.timeStamp };
   }
 
@@ -149,7 +151,7 @@ export class Gestures {
     } else if (is_here && (key === '+' || key === '=' || key === '-')) {
       this.zoom(kZoomPerNotch ** (key === '-' ? -1 : 1), [0, 0]);
     } else if (is_here && key === 'Enter') {
-      host.take([0, 0]);
+      void host.take([0, 0]);
     } else if (kActions[key]) {
       host.act(kActions[key]);
     } else if (key === 'x' || key === 'y' || key === 'z') {
@@ -163,8 +165,9 @@ export class Gestures {
     } else if (key === 'o') {
       host.change({ ...state, camera: { ...state.camera, orthographic: !state.camera.orthographic } });
     } else if (key === 'r') {
-      const next = volume.isovalues.indexOf(activeSurface(state).isovalue) + 1;
-      const isovalue = volume.isovalues[next % volume.isovalues.length];
+      const { isovalues } = host.active.facts;
+      const next = isovalues.indexOf(activeSurface(state).isovalue) + 1;
+      const isovalue = isovalues[next % isovalues.length];
       if (isovalue !== undefined) host.change(withActive(state, { isovalue }));
     } else {
       return false;

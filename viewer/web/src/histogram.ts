@@ -98,6 +98,7 @@ export class Histogram {
     };
     for (const value of facts.isovalues) mark(value, color('--good'), 2, 0.8 * bars);
     state.surfaces.forEach((surface, i) => {
+      if (surface.volume !== activeSurface(state).volume) return;
       const is_active = i === state.active_surface;
       const rgb = surface.color.map((share) => Math.round(255 * share)).join(' ');
       mark(surface.isovalue, is_active ? color('--ink') : `rgb(${rgb})`, is_active ? 3 : 2, 0);

@@ -1,7 +1,7 @@
 // Opens the volume that the address names: the key of the server first, then its list.
 import { element } from './host';
 import { Page } from './page';
-import { request, RequestError, type VolumeEntry } from './protocol';
+import { request, statusOf, type VolumeEntry } from './protocol';
 import { showVolumes } from './volume_list';
 import { fragmentOf, keepToken, keptToken, readFragment } from './view_link';
 
@@ -19,12 +19,12 @@ function askToken(): Promise<string> {
 async function start(): Promise<void> {
   const fragment = readFragment(location.hash);
   let token = fragment.token ?? keptToken() ?? (await askToken());
-  let volumes: VolumeEntry[] | undefined;
-  while (volumes === undefined) {
+  let list: { volumes: VolumeEntry[]; steps: boolean } | undefined;
+  while (list === undefined) {
     try {
-      ({ volumes } = (await (await request('volumes', token)).json()) as { volumes: VolumeEntry[] });
+      list = (await (await request('volumes', token)).json()) as NonNullable<typeof list>;
     } catch (error) {
-      if (!(error instanceof RequestError) || error.status !== 401) throw error;
+      if (statusOf(error) !== 401) throw error;
       token = await askToken();
     }
   }
@@ -34,11 +34,13 @@ async function start(): Promise<void> {
   addEventListener('hashchange', () => location.reload());
   const open = (volume: string | undefined): string =>
     (location.hash = fragmentOf({ token: kept, volume, view: undefined }));
-  element('volumes').hidden = volumes.length < 2;
+  const { volumes, steps } = list;
+  element('volumes').hidden = volumes.length < 2 || steps;
   element('volumes').addEventListener('click', () => open(undefined));
-  const named = volumes.length === 1 ? volumes[0] : volumes.find(({ id }) => String(id) === fragment.volume);
+  const first = volumes.length === 1 || steps ? volumes[0] : undefined;
+  const named = volumes.find(({ id }) => String(id) === fragment.volume) ?? first;
   if (named === undefined) return showVolumes(volumes, token, open);
-  new Page(named.id, token, keeps, fragment.view);
+  new Page(volumes, steps, named.id, token, keeps, fragment.view);
 }
 
 start().catch((error: unknown) => {

@@ -1,57 +1,65 @@
-// The page of one volume: the view, what is asked for and drawn of it, and the frames.
+// The page of a scene: the view, what is asked for and drawn of its volumes, and the frames.
 import { framed, placeCamera, pointAt, type Place } from './camera';
 import { CapImages } from './cap_images';
 import { Connection } from './connection';
 import { DecoderPool } from './decoder_pool';
 import { Gestures } from './gestures';
-import { element, type Action, type Host } from './host';
+import { element, type Action } from './host';
 import { drawOverlay, shortNumber } from './overlay';
 import { Panel } from './panel';
-import { request, RequestError, volumeOf, type ServerMessage, type Show, type VolumeFacts, type Wish } from './protocol';
+import { request, statusOf } from './protocol';
+import type { ServerMessage, Show, VolumeEntry, VolumeFacts, Wish } from './protocol';
 import { save, savePicture } from './save';
 import { SceneRenderer, type SceneFrame } from './scene_renderer';
 import { SurfaceSet } from './surface_set';
-import type { Vec3 } from './vector';
+import { boxOf, type Box, type Vec3 } from './vector';
 import { ViewHistory } from './view_history';
 import { fragmentOf, viewFromJson, viewToJson } from './view_link';
-import { activeSurface, bounded, firstView, focusedOn, type ViewState, type ViewVolume } from './view_state';
+import { activeSurface, bounded, firstView, focusedOn, surfaceNumber, ViewVolume } from './view_state';
+import { kMostVolumes, withVolume, type ViewState } from './view_state';
 
 const kMostTriangles = { mouse: 8_000_000, fingers: 2_000_000 };
+const kStepSeconds = 0.1; // for which a step of time is shown at least
 
-export class Page implements Host {
+export class Page {
   state!: ViewState;
-  volume!: ViewVolume;
+  is_playing = false;
   tool: 'distance' | 'angle' | undefined;
   picked: Vec3[] = [];
 
   private readonly scene = element<HTMLCanvasElement>('scene');
   private readonly overlay = element<HTMLCanvasElement>('overlay');
   private readonly renderer = new SceneRenderer(this.scene);
-  private readonly surfaces = new SurfaceSet(this.renderer, new DecoderPool(), () => this.requestFrame());
+  private readonly volumes = new Map<number, ViewVolume>(); // that were opened, by id
+  private readonly surfaces = new SurfaceSet(this.renderer, this.volumes, new DecoderPool(), () => this.requestFrame());
   private readonly caps: CapImages;
   private readonly connection: Connection;
   private panel: Panel | undefined; // from the facts of the volume on
-  private facts!: VolumeFacts;
   private history!: ViewHistory;
   private first!: ViewState;
   private own_camera: ViewState['camera'] | undefined; // that the page chose; the surface gets framed
-  private wished = '';
   private is_held = false;
   private is_requested = false;
+  private adding: number | undefined; // a volume that is not open yet
   private shown: ViewState | undefined; // by the panel
-  private passed: Show | undefined;
-  private is_fine = false;
+  private readonly passed = new Map<number, Show>(); // by the volume's id
+  private readonly fine = new Set<number>(); // volumes, as fine as was wished
+  private goes_on = false; // to other steps of time
+  private step_shown = 0; // seconds
   private link_timer = 0;
 
-  // Throws if the browser has no WebGL 2. `view`: JSON, of the link.
+  // Throws if the browser has no WebGL 2. `entries`: by id; `drawn`: the first one's, and then that of
+  // the volume that the view's own surfaces are of; `view`: JSON, of the link.
   constructor(
-    private readonly id: number,
+    readonly entries: readonly VolumeEntry[],
+    readonly are_steps: boolean,
+    private drawn: number,
     private readonly token: string,
     private readonly keeps_token: boolean, // in the tab; else it stays in the address
     private readonly view: string | undefined,
   ) {
-    this.caps = new CapImages(id, token, () => this.requestFrame());
-    this.connection = new Connection(id, token, {
+    this.caps = new CapImages(token, () => this.requestFrame());
+    this.connection = new Connection(drawn, token, {
       message: (message) => this.receive(message),
       chunk: (message) => this.surfaces.addChunk(message),
       begun: () => {
@@ -70,30 +78,50 @@ export class Page implements Host {
     return this.scene.width / this.scene.height;
   }
 
+  get volume(): ViewVolume {
+    return this.volumes.get(this.drawn)!;
+  }
+  // Of the active surface.
+  get active(): ViewVolume {
+    return this.volumeAt(activeSurface(this.state).volume) ?? this.volume;
+  }
+  volumeAt(place: number): ViewVolume | undefined {
+    return this.volumes.get(this.ids[place]!);
+  }
+  // Of the volumes of the view, by their places.
+  get ids(): number[] {
+    return [this.are_steps ? this.state.step : this.drawn, ...this.state.beside];
+  }
+
+  // The next view; it is drawn with the next frame, and what it lacks is asked for.
   change(next: ViewState): void {
+    this.goes_on ||= next.step !== this.state.step;
     this.state = next;
     this.requestFrame();
   }
 
+  // A drag begins or ends: all of it is one step of undo.
   hold(is_held: boolean): void {
     this.is_held = is_held;
     this.requestFrame();
   }
 
-  take(place: Place): void {
-    void this.pointUnder(place).then((point) => {
-      if (!point) return;
-      if (!this.tool) return this.change(focusedOn(this.state, point, this.volume));
-      this.picked.push(point);
-      if (this.picked.length < (this.tool === 'angle' ? 3 : 2)) return this.requestFrame();
-      const measurements = [...this.state.measurements, { points: this.picked }];
-      this.picked = [];
-      this.change(bounded({ ...this.state, measurements }, this.volume));
-    });
+  // The point of the surface at a place: the tool takes it or, if there is none, the view turns about it.
+  async take(place: Place): Promise<void> {
+    const frame = this.frameOf();
+    const distance = await this.renderer.distanceAt(frame, place);
+    if (distance === 0) return;
+    const point = pointAt(frame.camera, place, distance);
+    if (!this.tool) return this.change(focusedOn(this.state, point, this.volume));
+    this.picked.push(point);
+    if (this.picked.length < (this.tool === 'angle' ? 3 : 2)) return this.requestFrame();
+    const measurements = [...this.state.measurements, { points: this.picked }];
+    this.picked = [];
+    this.change(bounded({ ...this.state, measurements }, this.volume));
   }
 
   act(action: Action): void {
-    const name = this.facts.name.replace(/\.\w+$/, '');
+    const name = this.active.facts.name.replace(/\.\w+$/, '');
     const actions: Record<Action, () => unknown> = {
       undo: () => this.change(this.history.undo(this.state)),
       redo: () => this.change(this.history.redo(this.state)),
@@ -113,20 +141,22 @@ export class Page implements Host {
       },
       'save-glb': () => this.saveMesh(name, 'glb'),
       'save-stl': () => this.saveMesh(name, 'stl'),
-      'save-view': () => save(new Blob([viewToJson(this.state)]), `${name}.view.json`),
+      'save-view': () => save(new Blob([this.viewFile()]), `${name}.view.json`),
+      play: () => (this.is_playing = this.are_steps && !this.is_playing),
+      'next-step': () => this.are_steps && this.change({ ...this.state, step: this.nextStep }),
       distance: () => this.chooseTool('distance'),
       angle: () => this.chooseTool('angle'),
       back: () => this.picked.pop(),
       end: () => this.chooseTool(undefined),
     };
     actions[action]();
+    this.shown = undefined;
     this.requestFrame();
   }
 
   private chooseTool(tool: Page['tool']): void {
     this.tool = tool === this.tool ? undefined : tool;
     this.picked = [];
-    this.shown = undefined;
   }
 
   private receive(message: ServerMessage): void {
@@ -138,32 +168,56 @@ export class Page implements Host {
     if (type === 'volume') this.begin(message);
     if (type === 'show') this.surfaces.add({ show: message });
     if (type === 'drop') this.surfaces.add(message);
-    if (type === 'error') this.say('trouble', message.error);
+    if (type === 'error') {
+      this.connection.asked.delete(message.volume); // what comes next is another wish
+      this.is_playing = false;
+      this.shown = undefined;
+      this.say('trouble', message.error);
+    }
+    if (type === 'ended') this.surfaces.add({ then: () => this.forget(message.volume) });
     if (type !== 'fine') return;
     const then = (): void => {
-      this.is_fine = message.wish === this.connection.lastWish;
+      if (this.connection.asked.get(message.volume)?.wish === message.wish) this.fine.add(message.volume);
       this.tell(message.limited);
     };
     this.surfaces.add({ then });
   }
 
-  // Again after a lost connection.
+  // Of each volume, and again after a lost connection.
   private begin(facts: VolumeFacts): void {
-    this.facts = facts;
+    const volume = new ViewVolume(facts);
     element('progress').hidden = true;
-    if (this.panel) return;
-    this.volume = volumeOf(facts);
+    this.requestFrame();
+    if (this.panel && this.are_steps && !volume.hasGridOf(this.volume)) {
+      this.is_playing = false;
+      this.say('trouble', `'${facts.name}' has another grid than the steps before`);
+      return this.change({ ...this.state, step: this.drawn });
+    }
+    this.volumes.set(facts.id, volume);
+    this.shown = undefined;
+    if (this.adding === facts.id) this.change(bounded(withVolume(this.state, volume), this.volume));
+    if (this.adding === facts.id) this.adding = undefined;
+    if (this.panel || facts.id !== this.drawn) return;
     document.title = `${facts.name} – isobrick`;
     element('name').textContent = facts.name;
     this.resize();
     const theme = matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark';
     this.first = firstView(this.volume, this.aspect, theme);
-    this.state = this.view ? bounded(viewFromJson(this.view, this.first), this.volume) : this.first;
+    const read = this.view ? viewFromJson(this.view, this.first) : this.first;
+    const isOther = (id: number, i: number): boolean =>
+      !this.are_steps && this.entries[id] !== undefined && id !== this.drawn && read.beside.indexOf(id) === i;
+    const beside = read.beside.map((id, i) => (isOther(id, i) && i < kMostVolumes - 1 ? id : -1));
+    this.state = bounded({ ...read, beside, step: this.are_steps ? this.drawn : 0 }, this.volume);
     if (!this.view?.includes('"camera"')) this.own_camera = this.state.camera;
     this.history = new ViewHistory(this.state);
     this.panel = new Panel(this);
     new Gestures(this.scene, this);
-    this.requestFrame();
+  }
+
+  // With a surface of it, as soon as it is open.
+  addVolume(id: number): void {
+    this.adding = id;
+    this.connection.ask({ type: 'open', volume: id });
   }
 
   private requestFrame(): void {
@@ -176,25 +230,44 @@ export class Page implements Host {
   }
 
   private frame(panel: Panel, seconds: number): void {
-    const { shown, has_more } = this.surfaces.pump(this.facts.position_step);
+    const { shown, has_more } = this.surfaces.pump(this.volume);
     for (const { show } of shown) this.noteShow(show);
-    if (this.is_fine) this.own_camera = undefined; // from now on it is the user's
-    this.sendWish();
+    this.goOnInTime(seconds);
+    if (this.isFine()) this.own_camera = undefined; // from now on it is the user's
+    this.sendWishes();
     this.renderer.draw(this.frameOf());
-    for (const { show, seconds: passed } of shown) this.connection.noteShown(show.pass, passed);
+    for (const { show, seconds: passed } of shown) this.connection.noteShown(show, passed);
     drawOverlay(this.overlay, this.state, this.picked, this.volume.unit);
     if (this.shown !== this.state) {
-      panel.show(this.facts);
+      panel.show();
       this.shown = this.state;
       clearTimeout(this.link_timer);
-      this.link_timer = setTimeout(() => this.writeAddress(), 300);
+      this.link_timer = setTimeout(() => history.replaceState(null, '', this.fragment(!this.keeps_token)), 300);
     }
-    const comes_back = this.history.note(this.state, this.is_held, seconds);
-    if (has_more || (comes_back && !this.is_held)) this.requestFrame();
+    const comes_back = this.history.note(this.state, this.is_held || this.is_playing, seconds);
+    if (has_more || this.is_playing || (comes_back && !this.is_held)) this.requestFrame();
+  }
+
+  // The step that was wished takes the place of the one before once it is there.
+  private goOnInTime(seconds: number): void {
+    const [step] = this.ids;
+    if (step !== this.drawn && this.passed.has(step!)) {
+      this.drawn = step!;
+      this.step_shown = seconds;
+      this.shown = undefined;
+      element('name').textContent = this.volume.facts.name;
+      this.tell();
+    }
+    const is_next_there = this.isFine() && step === this.drawn && this.fine.has(this.nextStep);
+    if (this.is_playing && is_next_there && seconds >= this.step_shown + kStepSeconds)
+      this.change({ ...this.state, step: this.nextStep });
+  }
+  private get nextStep(): number {
+    return (this.state.step + 1) % this.entries.length;
   }
 
   private noteShow(show: Show): void {
-    this.passed = show;
+    this.passed.set(show.volume, show);
     this.say('trouble', '');
     this.tell(show.limited);
     if (this.own_camera === undefined || this.own_camera !== this.state.camera) return;
@@ -203,36 +276,80 @@ export class Page implements Host {
     this.history.replace(this.state);
   }
 
-  private tell(limited: string | undefined): void {
-    if (!this.passed) return;
-    const levels = [...new Set(this.passed.surfaces.flatMap((surface) => surface.levels.map(([level]) => level)))];
-    const words = [`${this.passed.triangles.toLocaleString('en')} triangles`, `levels ${levels.sort().join(' ')}`];
-    words.push(limited ?? (this.is_fine ? 'fine' : 'finer ones come'));
+  // Volumes of which there are surfaces.
+  private seenIds(): number[] {
+    return this.ids.filter((_, place) => this.state.surfaces.some((surface) => surface.volume === place));
+  }
+  private isFine(): boolean {
+    return this.seenIds().every((id) => this.fine.has(id));
+  }
+
+  private tell(limited?: string): void {
+    const passes = this.seenIds().flatMap((id) => this.passed.get(id) ?? []);
+    if (passes.length === 0) return;
+    const triangles = passes.reduce((sum, pass) => sum + pass.triangles, 0);
+    const surfaces = passes.flatMap((pass) => pass.surfaces);
+    const levels = [...new Set(surfaces.flatMap((surface) => surface.levels.map(([level]) => level)))];
+    const words = [`${triangles.toLocaleString('en')} triangles`, `levels ${levels.sort().join(' ')}`];
+    words.push(limited ?? (this.isFine() ? 'fine' : 'finer ones come'));
     this.say('status', words.join(' · '));
   }
 
-  private sendWish(): void {
-    const { surfaces, focus } = this.state;
-    const wish: Wish = {
-      surfaces: surfaces.map((s) => ({ iso: s.isovalue, visible: s.visible && s.opacity > 0 })),
-      ...(focus.everywhere ? {} : { focus: focus.center, radius: focus.radius }),
-      most_triangles: kMostTriangles[matchMedia('(pointer: coarse)').matches ? 'fingers' : 'mouse'],
-    };
-    const text = JSON.stringify(wish);
-    if (text === this.wished) return;
-    this.wished = text;
-    this.is_fine = false;
-    this.tell(undefined);
-    this.connection.send(wish);
+  // The next step of time is made ahead.
+  private sendWishes(): void {
+    const ids = this.seenIds();
+    const all = kMostTriangles[matchMedia('(pointer: coarse)').matches ? 'fingers' : 'mouse'];
+    const most_triangles = Math.floor(all / ids.length);
+    for (const id of ids) this.sendWish(id, this.ids.indexOf(id), most_triangles);
+    const next = this.are_steps && (this.goes_on || this.is_playing) ? this.nextStep : undefined;
+    if (next !== undefined && this.isFine()) this.sendWish(next, 0, most_triangles);
+    for (const id of this.connection.asked.keys()) {
+      if (ids.includes(id) || [this.drawn, next, this.adding].includes(id)) continue;
+      this.connection.end(id);
+      this.forget(id);
+    }
+  }
+
+  private forget(id: number): void {
+    this.surfaces.end(id);
+    this.passed.delete(id);
+    this.fine.delete(id);
+  }
+
+  private sendWish(id: number, place: number, most_triangles: number): void {
+    const volume = this.volumes.get(id);
+    if (!volume) return void this.connection.ask({ type: 'open', volume: id });
+    const [least, greatest] = volume.facts.value_range;
+    const surfaces = this.state.surfaces.filter((surface) => surface.volume === place).map((surface) => {
+      const is_made = !this.are_steps || (surface.isovalue >= least && surface.isovalue <= greatest);
+      return { iso: surface.isovalue, visible: is_made && surface.visible && surface.opacity > 0 };
+    });
+    const focus = this.state.focus.everywhere ? {} : this.focusIn(volume);
+    if (!this.connection.ask({ type: 'wish', volume: id, surfaces, ...focus, most_triangles })) return;
+    this.fine.delete(id);
+    this.tell();
+  }
+
+  // The view's counts in voxels of its own volume.
+  private focusIn(volume: ViewVolume): Pick<Wish, 'focus' | 'radius'> {
+    const { center, radius } = this.state.focus;
+    if (volume.hasGridOf(this.volume)) return { focus: center, radius };
+    const by = Math.min(...this.volume.facts.spacing) / Math.min(...volume.facts.spacing);
+    return { focus: volume.worldToIndex(this.volume.indexToWorld(center)), radius: by * radius };
   }
 
   private frameOf(): SceneFrame {
     const { state, volume } = this;
+    const drawn = [this.drawn, ...state.beside].flatMap((id, place) =>
+      state.surfaces
+        .filter((surface) => surface.volume === place)
+        .map((s, i) => [surfaceNumber(id, i), { ...s, opacity: s.visible ? s.opacity : 0 }] as const),
+    );
     return {
       camera: placeCamera(state.camera, this.aspect),
-      bounds: volume.box(),
+      bounds: boxOf(this.drawnVolumes().map((other) => other.box()))!,
       lattice: { matrix: volume.indexToWorldMatrix, origin: volume.origin },
-      surfaces: state.surfaces.map((s) => ({ ...s, opacity: s.visible ? s.opacity : 0 })),
+      surfaces: new Map(drawn),
       color_by_level: state.coloring === 'level',
       clip_planes: state.clip_planes.filter((plane) => plane.enabled),
       caps: this.caps.capsOf(state, volume),
@@ -241,18 +358,18 @@ export class Page implements Host {
     };
   }
 
-  private shownBox(): ReturnType<ViewVolume['box']> {
-    const shown = this.surfaces.shownBox();
-    return shown ? this.volume.boxAround(shown.lower, shown.upper) : this.volume.box();
+  private drawnVolumes(): ViewVolume[] {
+    return [this.drawn, ...this.state.beside].flatMap((id) => this.volumes.get(id) ?? []);
+  }
+  private shownBox(): Box {
+    const boxes = this.drawnVolumes().flatMap((volume) => {
+      const shown = this.surfaces.shownBox(volume.facts.id);
+      return shown ? volume.boxAround(shown.lower, shown.upper) : [];
+    });
+    return boxOf(boxes) ?? this.volume.box();
   }
   private framedCamera(): ViewState['camera'] {
     return framed(this.state.camera, this.shownBox(), this.aspect);
-  }
-
-  private async pointUnder(place: Place): Promise<Vec3 | undefined> {
-    const frame = this.frameOf();
-    const distance = await this.renderer.distanceAt(frame, place);
-    return distance === 0 ? undefined : pointAt(frame.camera, place, distance);
   }
 
   private resize(): void {
@@ -265,11 +382,13 @@ export class Page implements Host {
 
   private fragment(with_key: boolean): string {
     const token = with_key ? this.token : undefined;
-    return fragmentOf({ token, volume: String(this.id), view: viewToJson(this.state) });
+    return fragmentOf({ token, volume: String(this.ids[0]), view: viewToJson(this.state) });
   }
 
-  private writeAddress(): void {
-    history.replaceState(null, '', this.fragment(!this.keeps_token));
+  // It finds further volumes where the files of the server lie.
+  private viewFile(): string {
+    const [volume, ...beside] = this.ids.map((id) => this.entries[id]!.name);
+    return viewToJson(this.state, beside.length > 0 ? { volume: volume!, beside } : {});
   }
 
   private copyLink(): void {
@@ -283,14 +402,14 @@ export class Page implements Host {
   // The active surface, at the wanted detail.
   private saveMesh(name: string, ending: 'glb' | 'stl'): void {
     const { isovalue } = activeSurface(this.state);
-    const { everywhere, center, radius } = this.state.focus;
-    const detail = everywhere ? '' : `&focus=${center.join()}&radius=${radius}`;
+    const { focus, radius } = this.focusIn(this.active);
+    const detail = this.state.focus.everywhere ? '' : `&focus=${focus!.join()}&radius=${radius}`;
     this.say('status', `making ${name}.${ending} …`);
-    request(`volume/${this.id}/surface.${ending}?iso=${isovalue}${detail}`, this.token)
+    request(`volume/${this.active.facts.id}/surface.${ending}?iso=${isovalue}${detail}`, this.token)
       .then((response) => response.blob())
       .then((blob) => {
         save(blob, `${name}-${shortNumber(isovalue)}.${ending}`);
-        this.tell(undefined);
+        this.tell();
       })
       .catch((error: Error) => this.say('trouble', error.message));
   }
@@ -298,7 +417,7 @@ export class Page implements Host {
   private sayLost(): void {
     this.say('trouble', 'The connection is lost; trying again …');
     void request('volumes', this.token).catch((error: unknown) => {
-      if (error instanceof RequestError && error.status === 401)
+      if (statusOf(error) === 401)
         this.say('trouble', 'The server began anew with another key: open the address that it printed.');
     });
   }

@@ -3,12 +3,12 @@
 // `data-acts` is the action of its id.
 import { turnedRound } from './gestures';
 import { Histogram } from './histogram';
-import { element, type Action, type Host } from './host';
+import { element, type Action } from './host';
 import { measurementText, shortNumber } from './overlay';
-import type { VolumeFacts } from './protocol';
+import type { Page } from './page';
 import { cornersOf, dot, mapped, type Vec3 } from './vector';
-import { activeSurface, bounded, kMostSurfaces, kSurfaceColors, replaced, withActive, withClipPlane } from './view_state';
-import type { ViewClipPlane, ViewState } from './view_state';
+import { activeSurface, bounded, kMostSurfaces, kMostVolumes, replaced, withActive, withClipPlane } from './view_state';
+import { withSurface, type ViewClipPlane, type ViewState } from './view_state';
 
 const field = (id: string): HTMLInputElement => element<HTMLInputElement>(id);
 const toHex = (color: Vec3): string =>
@@ -24,12 +24,18 @@ function showValue(input: HTMLInputElement, value: unknown): void {
   else input.valueAsNumber = value as number;
 }
 
+// Made anew if they are others alone, so that the focus stays where it is.
+function showChildren(place: HTMLElement, children: HTMLElement[]): void {
+  const textOf = (list: Iterable<Element>): string => [...list].map((child) => child.outerHTML).join();
+  if (textOf(place.children) !== textOf(children)) place.replaceChildren(...children);
+}
+
 type ListName = 'surfaces' | 'clip_planes' | 'measurements';
 
 export class Panel {
   private readonly histogram: Histogram;
 
-  constructor(private readonly host: Host) {
+  constructor(private readonly host: Page) {
     const choose = (isovalue: number): void => {
       if (Number.isFinite(isovalue)) this.change((state) => withActive(state, { isovalue }));
     };
@@ -48,20 +54,30 @@ export class Panel {
     ['clip-x', 'clip-y', 'clip-z'].forEach((id, axis) =>
       element(id).addEventListener('click', () => this.change((state) => withClipPlane(state, axis, host.volume))),
     );
-    element('add-surface').addEventListener('click', () => this.change((state) => this.withSurface(state)));
-    element('suggestions').replaceChildren(
-      ...host.volume.isovalues.map((value) => {
-        const button = document.createElement('button');
-        button.textContent = shortNumber(value);
-        button.addEventListener('click', () => choose(value));
-        return button;
-      }),
-    );
+    element('add-surface').addEventListener('click', () => this.change((state) => withSurface(state, host.active)));
+    element('add-volume').addEventListener('click', () => host.addVolume(Number(field('other-volume').value)));
+    this.listen('step', (state, { valueAsNumber }) => ({ ...state, step: valueAsNumber }));
+    field('step').max = String(host.entries.length - 1);
+    element('time').hidden = !host.are_steps;
+    element('suggestions').addEventListener('click', ({ target }) => choose(Number((target as HTMLButtonElement).value)));
   }
 
-  show(facts: VolumeFacts): void {
-    const { state, volume, tool } = this.host;
-    this.histogram.show(facts, state);
+  show(): void {
+    const { state, volume, active, tool, entries, ids } = this.host;
+    const nameOf = (id: number): string => entries[id]!.name;
+    this.histogram.show(active.facts, state);
+    element('isovalue-of').textContent = ids.length > 1 ? active.facts.name : '';
+    const suggested = active.facts.isovalues.map((value) =>
+      Object.assign(document.createElement('button'), { textContent: shortNumber(value), value: String(value) }),
+    );
+    showChildren(element('suggestions'), suggested);
+    field('step').valueAsNumber = state.step;
+    field('step').setAttribute('aria-valuetext', nameOf(ids[0]!));
+    element('step-text').textContent = `${state.step + 1} of ${entries.length}`;
+    element('play').setAttribute('aria-pressed', String(this.host.is_playing));
+    const others = entries.map(({ id }) => id).filter((id) => !ids.includes(id));
+    showChildren(element('other-volume'), others.map((id) => new Option(nameOf(id), String(id))));
+    element('add-volumes').hidden = this.host.are_steps || others.length === 0 || ids.length === kMostVolumes;
     if (document.activeElement !== field('isovalue'))
       field('isovalue').value = String(Number(activeSurface(state).isovalue.toPrecision(7)));
     field('everywhere').checked = state.focus.everywhere;
@@ -74,10 +90,19 @@ export class Panel {
     for (const name of ['distance', 'angle']) element(name).setAttribute('aria-pressed', String(tool === name));
     element<HTMLButtonElement>('add-surface').disabled = state.surfaces.length === kMostSurfaces;
 
-    const surfaces = this.items('surfaces', (item, i) =>
-      on(item, '[type=radio]', 'change', () => this.change((now) => ({ ...now, active_surface: i }))),
-    );
-    state.surfaces.forEach(({ isovalue }, i) => {
+    const surfaces = this.items('surfaces', (item, i) => {
+      on(item, '[type=radio]', 'change', () => this.change((now) => ({ ...now, active_surface: i })));
+      on(item, 'select', 'input', ({ value }) => {
+        const isovalue = this.host.volumeAt(Number(value))?.firstIsovalue;
+        const change = { volume: Number(value), ...(isovalue !== undefined && { isovalue }) };
+        this.change((now) => ({ ...now, surfaces: replaced(now.surfaces, i, change), active_surface: i }));
+      });
+    });
+    state.surfaces.forEach(({ isovalue, volume: place }, i) => {
+      const choice = surfaces[i]!.querySelector('select')!;
+      showChildren(choice, ids.map((id, at) => new Option(nameOf(id), String(at))));
+      choice.value = String(place);
+      choice.hidden = ids.length === 1;
       input(surfaces[i]!, '[type=radio]').checked = i === state.active_surface;
       surfaces[i]!.querySelector('output')!.textContent = shortNumber(isovalue);
       input(surfaces[i]!, '.remove').disabled = state.surfaces.length === 1;
@@ -104,14 +129,6 @@ export class Panel {
     state.measurements.forEach((measurement, i) => {
       measures[i]!.querySelector('output')!.textContent = measurementText(measurement, volume.unit);
     });
-  }
-
-  // With one more, of the next suggestion and colour.
-  private withSurface(state: ViewState): ViewState {
-    const color = kSurfaceColors.find((c) => !state.surfaces.some((s) => toHex(s.color) === toHex(c)));
-    const isovalue = this.host.volume.isovalues.find((value) => !state.surfaces.some((s) => s.isovalue === value));
-    const more = { ...activeSurface(state), ...(color && { color }), ...(isovalue !== undefined && { isovalue }) };
-    return { ...state, surfaces: [...state.surfaces, more], active_surface: state.surfaces.length };
   }
 
   // Where the volume begins and ends along the normal.

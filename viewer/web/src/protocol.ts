@@ -1,6 +1,5 @@
 // The messages of the stream, as docs/SERVE.md describes them.
-import type { Mat3, Vec3 } from './vector';
-import { ViewVolume } from './view_state';
+import type { Vec3 } from './vector';
 
 export type Range = readonly [number, number]; // chunk numbers, both ends included
 
@@ -13,8 +12,7 @@ export interface VolumeEntry {
 export interface VolumeFacts extends VolumeEntry {
   dimensions: Vec3;
   spacing: Vec3;
-  origin: Vec3;
-  direction: readonly number[]; // column after column
+  index_to_world: readonly number[]; // 4 x 4, column after column
   unit: 'millimetres' | 'unknown';
   value_range: readonly [number, number];
   position_step: number;
@@ -23,6 +21,8 @@ export interface VolumeFacts extends VolumeEntry {
 }
 
 export interface Wish {
+  type: 'wish';
+  volume: number; // the id of it
   surfaces: { iso: number; visible: boolean }[];
   focus?: Vec3; // voxel indices
   radius?: number; // voxels
@@ -31,6 +31,7 @@ export interface Wish {
 
 export interface Show {
   type: 'show';
+  volume: number;
   pass: number;
   show: Range[];
   drop: Range[];
@@ -44,30 +45,19 @@ export type ServerMessage =
   | ({ type: 'volume' } & VolumeFacts)
   | Show
   | { type: 'drop'; drop: Range[] }
-  | { type: 'fine'; wish: number; limited?: string }
-  | { type: 'error'; error: string };
-
-export function volumeOf(facts: VolumeFacts): ViewVolume {
-  const column = (i: number): Vec3 => facts.direction.slice(3 * i, 3 * i + 3) as unknown as Vec3;
-  const direction: Mat3 = [column(0), column(1), column(2)];
-  const unit = facts.unit === 'millimetres' ? 'mm' : '';
-  const { dimensions, origin, spacing, value_range, isovalues } = facts;
-  return new ViewVolume(dimensions, origin, spacing, direction, value_range, isovalues, unit);
-}
+  | { type: 'fine'; volume: number; wish: number; limited?: string }
+  | { type: 'error'; volume: number; error: string }
+  | { type: 'ended'; volume: number };
 
 // Where a request goes, from the folder of the page on, so that proxies may put a path in front.
 export const addressOf = (path: string): URL => new URL(`api/${path}`, document.baseURI);
 
-// Throws an Error with one line: the server's, or why there is none.
+// Throws an Error with one line: the server's, with its statusOf(), or why there is none.
 export async function request(path: string, token: string): Promise<Response> {
   const response = await fetch(addressOf(path), { headers: { Authorization: `Bearer ${token}` } });
   if (response.ok) return response;
+  const { status } = response;
   const body = (await response.json().catch(() => ({}))) as { error?: string };
-  throw new RequestError(response.status, body.error ?? `the server answers ${response.status}`);
+  throw Object.assign(new Error(body.error ?? `the server answers ${status}`), { status });
 }
-
-export class RequestError extends Error {
-  constructor(readonly status: number, message: string) {
-    super(message);
-  }
-}
+export const statusOf = (error: unknown): number | undefined => (error as { status?: number }).status;

@@ -7,9 +7,10 @@ import * as shaders from './shaders';
 import { dot, inverse, length, mapped, product, subtract, times, transposed } from './vector';
 import type { Box, Mat3, Vec3 } from './vector';
 
-// A chunk as the GPU takes it: position = origin + step * positions, in the lattice of the voxels.
-export interface DrawnChunk extends Omit<UnpackedChunk, 'id'> {
+// A chunk as the GPU takes it: position = origin + step * positions, in the lattice of the scene.
+export interface DrawnChunk extends Omit<UnpackedChunk, 'id' | 'volume' | 'positions'> {
   step: number;
+  positions: Uint16Array | Float32Array;
 }
 
 export interface SceneCap {
@@ -26,7 +27,8 @@ export interface SceneFrame {
   camera: PlacedCamera;
   bounds: Box; // of all that is drawn
   lattice: { matrix: Mat3; origin: Vec3 }; // world = origin + matrix * lattice
-  surfaces: readonly { color: Vec3; opacity: number; isovalue: number }[]; // opacity 0: not drawn
+  // By number; others are not drawn, nor those of opacity 0. Volumes are by their place: 0 has the caps.
+  surfaces: ReadonlyMap<number, { color: Vec3; opacity: number; isovalue: number; volume: number }>;
   color_by_level: boolean;
   clip_planes: readonly { normal: Vec3; offset: number }[];
   caps: readonly SceneCap[];
@@ -40,6 +42,7 @@ const kLevelColors: readonly Vec3[] = [
 ];
 const kBackColor: Vec3 = [0.46, 0.2, 0.13];
 const kSamples = 4;
+const kWithoutCaps = 1; // the layer of what they do not close
 const kFlat = { depthTest: false, depthWrite: false };
 
 const linear = (value: number): number => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4);
@@ -74,6 +77,8 @@ function shape(places: number[], triangles: number[]): three.BufferGeometry {
 interface KeptChunk extends Pick<DrawnChunk, 'origin' | 'step' | 'surface' | 'level'> {
   mesh: three.Mesh; // its front, and its back if it is opaque
   back: three.Mesh; // drawn if it is seen through
+  is_shown: boolean;
+  is_new: boolean; // the GPU has not got it
 }
 
 export class SceneRenderer {
@@ -116,6 +121,7 @@ export class SceneRenderer {
     this.gl.autoClear = this.gl.debug.checkShaderErrors = false;
     this.gl.setClearColor(0, 0);
     this.camera.matrixWorldAutoUpdate = false;
+    this.camera.layers.enable(kWithoutCaps);
     this.target = new three.WebGLRenderTarget(1, 1, {
       type: this.gl.extensions.has('EXT_color_buffer_float') ? three.HalfFloatType : three.UnsignedByteType,
       samples: kSamples,
@@ -164,19 +170,16 @@ export class SceneRenderer {
       (attribute as three.BufferAttribute).onUpload(forgetArray);
     const box = new three.Box3(new three.Vector3(...chunk.lower), new three.Vector3(...chunk.upper));
     geometry.boundingSphere = box.getBoundingSphere(new three.Sphere());
-    geometry.setDrawRange(0, 0);
     const mesh = fixedMesh(geometry, this.materialOf(chunk.surface, chunk.level, three.DoubleSide));
     const back = fixedMesh(geometry, mesh.material as three.Material);
     const { origin, step, surface, level } = chunk;
-    this.chunks.set(id, { mesh, back, origin, step, surface, level });
+    this.chunks.set(id, { mesh, back, origin, step, surface, level, is_shown: false, is_new: true });
     this.opaque.add(mesh);
   }
 
   show(id: number, is_shown: boolean): void {
     const chunk = this.chunks.get(id);
-    if (chunk === undefined) return;
-    chunk.mesh.geometry.setDrawRange(0, is_shown ? Infinity : 0);
-    chunk.mesh.frustumCulled = chunk.back.frustumCulled = is_shown; // what is new goes to the GPU in any case
+    if (chunk !== undefined) chunk.is_shown = is_shown;
   }
 
   remove(id: number): void {
@@ -263,23 +266,29 @@ export class SceneRenderer {
     const turn = new three.Matrix4().setFromMatrix3(u.lattice_to_eye.value);
     this.camera.matrixWorldInverse.makeTranslation(-rest[0], -rest[1], -rest[2]).premultiply(turn);
     // From the outermost, whose isovalue is the least, to the innermost.
-    const isovalueOf = (surface: number): number => frame.surfaces[surface]!.isovalue;
-    const order = frame.surfaces.map((_, i) => i).sort((a, b) => isovalueOf(a) - isovalueOf(b));
+    const nested = [...frame.surfaces].sort(([, a], [, b]) => a.volume - b.volume || a.isovalue - b.isovalue);
+    const order = nested.map(([number]) => number);
     for (const chunk of this.chunks.values()) this.place(chunk, snapped, frame, order.indexOf(chunk.surface));
     for (const [key, material] of this.materials) {
       const [surface = 0, level = 0] = key.split(' ').map(Number);
-      const look = frame.surfaces[surface] ?? { color: kBackColor, opacity: 0 };
+      const look = frame.surfaces.get(surface) ?? { color: kBackColor, opacity: 0 };
       const color = linearColor(frame.color_by_level ? kLevelColors[Math.min(level, 7)]! : look.color);
       material.uniforms['surface_color']!.value.set(color.x, color.y, color.z, look.opacity);
     }
   }
 
   private place(chunk: KeptChunk, snapped: Vec3, frame: SceneFrame, depth: number): void {
-    const { mesh, back, step, surface, level } = chunk;
-    const opacity = frame.surfaces[surface]?.opacity ?? 0;
+    const { mesh, back, step, surface, level, is_new } = chunk;
+    const { opacity, volume } = frame.surfaces.get(surface) ?? { opacity: 0, volume: 0 };
+    const is_drawn = chunk.is_shown && opacity > 0;
+    chunk.is_new = false;
     mesh.matrixWorld.makeScale(step, step, step).setPosition(...subtract(chunk.origin, snapped));
     back.matrixWorld.copy(mesh.matrixWorld);
-    mesh.visible = back.visible = opacity > 0;
+    mesh.geometry.setDrawRange(0, is_drawn ? Infinity : 0);
+    mesh.visible = back.visible = is_drawn || is_new;
+    mesh.frustumCulled = back.frustumCulled = !is_new; // that goes to the GPU in any case
+    mesh.layers.set(volume === 0 ? 0 : kWithoutCaps);
+    back.layers.mask = mesh.layers.mask;
     // Surfaces lie within each other: the backs from the outermost in, then the fronts out.
     back.renderOrder = depth;
     mesh.renderOrder = opacity < 1 ? 100 - depth : 0;
@@ -307,7 +316,9 @@ export class SceneRenderer {
     const { gl, to_eye, cap_place } = this;
     gl.clear(false, false, true);
     const { values } = cap;
+    this.camera.layers.disable(kWithoutCaps);
     if (!values) this.counters.forEach((counter) => this.drawSurfaces(counter));
+    this.camera.layers.enable(kWithoutCaps);
     cap_place.corner.value.set(...times(to_eye, subtract(cap.corner, frame.camera.eye)));
     cap_place.across.value.set(...times(to_eye, cap.across));
     cap_place.along.value.set(...times(to_eye, cap.along));

@@ -35,9 +35,11 @@ export interface Box {
 }
 
 export const boxAround = (points: readonly Vec3[]): Box => ({
-  lower: mapped([0, 0, 0], (_, axis) => Math.min(...points.map((p) => p[axis]!))),
-  upper: mapped([0, 0, 0], (_, axis) => Math.max(...points.map((p) => p[axis]!))),
+  lower: mapped([0, 0, 0], (_, axis) => points.reduce((least, p) => Math.min(least, p[axis]!), Infinity)),
+  upper: mapped([0, 0, 0], (_, axis) => points.reduce((most, p) => Math.max(most, p[axis]!), -Infinity)),
 });
+export const boxOf = (boxes: readonly Box[]): Box | undefined =>
+  boxes.length === 0 ? undefined : boxAround(boxes.flatMap(({ lower, upper }) => [lower, upper]));
 export const middle = (box: Box): Vec3 => scale(add(box.lower, box.upper), 0.5);
 export const cornersOf = (box: Box): Vec3[] =>
   [0, 1, 2, 3, 4, 5, 6, 7].map((i) => mapped(box.lower, (low, axis) => ((i >> axis) & 1 ? box.upper[axis]! : low)));

@@ -28,6 +28,7 @@ const kElements = {
   clip_planes: { normal: [1, 0, 0], offset: 0, enabled: true, cap: true },
   measurements: { points: [] },
   points: [0, 0, 0],
+  beside: 0,
 };
 
 export function viewFromJson(text: string, first: ViewState): ViewState {
@@ -45,10 +46,10 @@ export function viewFromJson(text: string, first: ViewState): ViewState {
   }
 }
 
-// As a view file of the window and of `isobrick render --state`.
-export function viewToJson(state: ViewState): string {
+// As a view file of the window and of `isobrick render --state`; `names`: of its volumes, in place of ids.
+export function viewToJson(state: ViewState, names: { volume?: string; beside?: string[] } = {}): string {
   return JSON.stringify(
-    { version: 1, ...state, focus: { ...state.focus, show_sphere: false }, show_box: false },
+    { version: 1, ...state, ...names, focus: { ...state.focus, show_sphere: false }, show_box: false },
     (_, value: unknown) => (typeof value === 'number' ? Number(value.toPrecision(9)) : value),
   );
 }

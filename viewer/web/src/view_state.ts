@@ -2,6 +2,7 @@
 // that the page knows, by the same names, so that a link, the window and `isobrick render --state`
 // show the same picture.
 import { framed, type ViewCamera } from './camera';
+import type { VolumeFacts } from './protocol';
 import type { Box, Mat3, Vec3 } from './vector';
 import { add, boxAround, clamp, cornersOf, inverse, length, mapped, scale, subtract, times, unit } from './vector';
 
@@ -11,6 +12,7 @@ export interface ViewSurface {
   color: Vec3;
   opacity: number;
   visible: boolean;
+  volume: number; // its place: 0 the view's own, then those beside it
 }
 
 export interface ViewFocus {
@@ -37,6 +39,8 @@ export interface ViewState {
   surfaces: ViewSurface[]; // at least one
   active_surface: number;
   focus: ViewFocus;
+  beside: number[]; // further volumes, by their ids
+  step: number; // of time, if the volumes are such
   clip_planes: ViewClipPlane[];
   value_window: [number, number]; // that caps show black and white
   coloring: 'plain' | 'level';
@@ -47,27 +51,32 @@ export interface ViewState {
 
 export const kMostClipPlanes = 6;
 export const kMostSurfaces = 8;
+export const kMostVolumes = 4; // that a server has open at once
 export const kMostMeasurements = 64;
 
-// The facts of a volume that a view needs.
 export class ViewVolume {
   readonly indexToWorldMatrix: Mat3;
+  readonly origin: Vec3;
   private readonly worldToIndexMatrix: Mat3;
 
-  constructor(
-    readonly voxels: Vec3,
-    readonly origin: Vec3,
-    readonly spacing: Vec3,
-    direction: Mat3, // columns
-    readonly values: readonly [number, number],
-    readonly isovalues: readonly number[], // that are suggested, the best one first
-    readonly unit: string,
-  ) {
-    const [x, y, z] = direction;
-    this.indexToWorldMatrix = [scale(x, spacing[0]), scale(y, spacing[1]), scale(z, spacing[2])];
+  constructor(readonly facts: VolumeFacts) {
+    const column = (i: number): Vec3 => facts.index_to_world.slice(4 * i, 4 * i + 3) as unknown as Vec3;
+    this.indexToWorldMatrix = [column(0), column(1), column(2)];
+    this.origin = column(3);
     this.worldToIndexMatrix = inverse(this.indexToWorldMatrix);
   }
 
+  get unit(): string {
+    return this.facts.unit === 'millimetres' ? 'mm' : '';
+  }
+  get firstIsovalue(): number {
+    const { isovalues, value_range } = this.facts;
+    return isovalues[0] ?? 0.5 * (value_range[0] + value_range[1]);
+  }
+  hasGridOf({ facts }: ViewVolume): boolean {
+    const gridOf = ({ dimensions, index_to_world }: VolumeFacts): string => String([dimensions, index_to_world]);
+    return gridOf(facts) === gridOf(this.facts);
+  }
   indexToWorld(index: Vec3): Vec3 {
     return add(this.origin, times(this.indexToWorldMatrix, index));
   }
@@ -75,7 +84,7 @@ export class ViewVolume {
     return times(this.worldToIndexMatrix, subtract(world, this.origin));
   }
   last(): Vec3 {
-    return mapped(this.voxels, (count) => count - 1);
+    return mapped(this.facts.dimensions, (count) => count - 1);
   }
   box(): Box {
     return this.boxAround([0, 0, 0], this.last());
@@ -105,16 +114,18 @@ const kBackgrounds: Readonly<Record<'dark' | 'light', readonly [Vec3, Vec3]>> = 
 };
 
 export function firstView(volume: ViewVolume, aspect: number, theme: 'dark' | 'light'): ViewState {
-  const [least, greatest] = volume.values;
+  const [least, greatest] = volume.facts.value_range;
   const [background_top, background_bottom] = kBackgrounds[theme];
   const from_the_left = { azimuth: 25, elevation: 15, vertical_fov: 30, orthographic: false };
   const camera = { pivot: [0, 0, 0] as Vec3, distance: 1, ...from_the_left };
-  const isovalue = volume.isovalues[0] ?? 0.5 * (least + greatest);
+  const radius = Math.max(8, 0.25 * Math.max(...volume.facts.dimensions));
   return {
     camera: framed(camera, volume.box(), aspect),
-    surfaces: [{ isovalue, color: kSurfaceColors[0]!, opacity: 1, visible: true }],
+    surfaces: [{ isovalue: volume.firstIsovalue, color: kSurfaceColors[0]!, opacity: 1, visible: true, volume: 0 }],
     active_surface: 0,
-    focus: { center: scale(volume.last(), 0.5), radius: Math.max(8, 0.25 * Math.max(...volume.voxels)), everywhere: true },
+    focus: { center: scale(volume.last(), 0.5), radius, everywhere: true },
+    beside: [],
+    step: 0,
     clip_planes: [],
     value_window: [least, greatest],
     coloring: 'plain',
@@ -127,10 +138,12 @@ export function firstView(volume: ViewVolume, aspect: number, theme: 'dark' | 'l
 // With every number in its range.
 export function bounded(state: ViewState, volume: ViewVolume): ViewState {
   const size = volume.size();
+  // A volume without a surface goes.
+  const beside = state.beside.filter((id, i) => id >= 0 && state.surfaces.some((s) => s.volume === i + 1));
   const surfaces = state.surfaces.slice(0, kMostSurfaces).map((surface) => ({
     ...surface,
-    isovalue: clamp(surface.isovalue, ...volume.values),
     opacity: clamp(surface.opacity, 0, 1),
+    volume: 1 + beside.indexOf(state.beside[surface.volume - 1]!),
   }));
   const last = volume.last();
   return {
@@ -142,6 +155,7 @@ export function bounded(state: ViewState, volume: ViewVolume): ViewState {
       vertical_fov: clamp(state.camera.vertical_fov, 1, 150),
     },
     surfaces,
+    beside,
     active_surface: clamp(state.active_surface, 0, surfaces.length - 1),
     focus: {
       ...state.focus,
@@ -153,6 +167,9 @@ export function bounded(state: ViewState, volume: ViewVolume): ViewState {
   };
 }
 
+// Of a surface in the scene, by the volume's id and its place among those of the volume.
+export const surfaceNumber = (volume: number, place: number): number => volume * kMostSurfaces + place;
+
 // A list with a change of element i.
 export const replaced = <T>(list: readonly T[], i: number, change: Partial<T>): T[] =>
   list.map((item, at) => (at === i ? { ...item, ...change } : item));
@@ -163,6 +180,20 @@ export const withActive = (state: ViewState, change: Partial<ViewSurface>): View
   ...state,
   surfaces: replaced(state.surfaces, state.active_surface, change),
 });
+
+// With one more, of the next suggestion and colour; or of another volume, at the end.
+export function withSurface(state: ViewState, { facts }: ViewVolume, change: Partial<ViewSurface> = {}): ViewState {
+  const color = kSurfaceColors.find((c) => !state.surfaces.some((s) => String(s.color) === String(c)));
+  const isovalue = facts.isovalues.find((value) => !state.surfaces.some((s) => s.isovalue === value));
+  const look = { ...(color && { color }), ...(isovalue !== undefined && { isovalue }) };
+  const surfaces = [...state.surfaces, { ...activeSurface(state), ...look, ...change }];
+  return { ...state, surfaces, active_surface: state.surfaces.length };
+}
+export function withVolume(state: ViewState, volume: ViewVolume): ViewState {
+  const beside = [...state.beside, volume.facts.id];
+  const change = { volume: beside.length, isovalue: volume.firstIsovalue, opacity: 1, visible: true };
+  return withSurface({ ...state, beside }, volume, change);
+}
 
 // The view turns about the point, and the focus moves there.
 export function focusedOn(state: ViewState, world: Vec3, volume: ViewVolume): ViewState {

@@ -1,6 +1,6 @@
 // The volumes of a server to choose from, each with the picture of its middle slice.
 import { element } from './host';
-import { request, type VolumeEntry } from './protocol';
+import { request, statusOf, type VolumeEntry } from './protocol';
 
 const kPause = 1000; // milliseconds, of a server that draws for others
 
@@ -8,7 +8,7 @@ async function pictureOf(id: number, token: string, tries = 5): Promise<string |
   try {
     return URL.createObjectURL(await (await request(`volume/${id}/slice.png?size=320&build=0`, token)).blob());
   } catch (error) {
-    if ((error as { status?: number }).status !== 503 || tries === 0) return undefined;
+    if (statusOf(error) !== 503 || tries === 0) return undefined;
     await new Promise((done) => setTimeout(done, kPause));
     return pictureOf(id, token, tries - 1);
   }
