@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # All that takes a night: both rings with four times all random tries and every fault, the sanitizer for threads, two hours of
-# everything at once, an hour of fuzzing for each group (tests/fuzz), fresh machines of both suites of Debian, and arm64. Goes on
-# after a failure, and ends with a line for each.
+# everything at once, an hour of fuzzing for each group (tests/fuzz), each rule broken on purpose, fresh machines of both suites of
+# Debian, and arm64. Goes on after a failure, and ends with a line for each.
 #   tools/nightly.sh
 # Needs root and debootstrap for the fresh machines.
 set -euo pipefail
@@ -22,6 +22,10 @@ part repair env ISOBRICK_REPETITIONS=1000 build/release/tests/isobrick_preproces
 part threads tests/house/tsan.sh
 part soak tests/house/soak.sh
 part fuzz bash -c 'cmake --preset fuzz && cmake --build --preset fuzz -j2 && tests/fuzz/run.sh all 60'
+# In a copy of the tree at the commit that is checked out here.
+part mutation env -u ISOBRICK_REPETITIONS bash -c '
+  [ ! -e build/mutation ] || git -C build/mutation checkout -q --detach "$(git rev-parse HEAD)"
+  tests/house/mutation.py build/mutation'
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb
 part arm64 tests/house/arm64.sh build/nightly/arm64 build/release

@@ -299,6 +299,9 @@ TEST(DeviationBound, RefusesRingsThatFold) {
   EXPECT_TRUE(bound.follow(region, made.deviations, 100));
   region.setPlace(3, {-region.places[0][3], -region.places[1][3], 0});
   EXPECT_FALSE(bound.follow(region, made.deviations, 100));
+  // One with hardly any area: points 2 and 3 are nearly the same.
+  region.setPlace(3, {region.places[0][2] - 1e-5f, region.places[1][2], 0});
+  EXPECT_FALSE(bound.follow(region, made.deviations, 100));
 }
 
 // All of an octahedron is one star: nothing is left to be a ring.

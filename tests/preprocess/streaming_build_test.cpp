@@ -332,6 +332,18 @@ TEST_F(ResumeDamaged, FlippedCutAndTornFilesStillGiveTheSameBytes) {
   }
 }
 
+TEST_F(ResumeDamaged, AnEntryWithAChangedByteEndsTheJournal) {
+  const std::string path = path_ + ".partial.journal";
+  const std::size_t entries = WriteJournal::read(path)->entries.size();
+  const std::size_t third = journal_.size() - (entries - 2) * sizeof(JournalEntry);
+  for (std::size_t byte = third; byte < third + sizeof(JournalEntry); ++byte) {
+    std::string journal = journal_;
+    journal[byte] ^= 0x01;
+    writeBytes(path, journal);
+    ASSERT_EQ(WriteJournal::read(path)->entries.size(), 2u) << byte - third;
+  }
+}
+
 // Bytes between parts have no checksum; they must be zero all the same.
 TEST_F(ResumeDamaged, FlippedPaddingStillGivesTheSameBytes) {
   const auto journal = WriteJournal::read(path_ + ".partial.journal");

@@ -399,6 +399,28 @@ TEST(HostilePart, WhatOtherBloscSettingsMakeIsRefused) {
   }
 }
 
+// Blosc takes twice a block's bytes from the heap. (It makes no blocks of LZ4 that are so long.)
+TEST(HostilePart, LongBlocksAreRefused) {
+  constexpr std::size_t kMostBlockBytes = 1 << 20;
+  const RawBytes elements = valuesOf(VoxelType::kUint16, Content::kRuns, 1 << 22);
+  RawBytes packed(elements.size() + BLOSC_MAX_OVERHEAD);
+  int taken = 0, refused = 0;
+  for (std::size_t bytes = kMostBlockBytes / 8; bytes <= 4 * kMostBlockBytes; bytes *= 2) {
+    const int size =
+        blosc_compress_ctx(1, BLOSC_SHUFFLE, 2, elements.size(), elements.data(), packed.data(),
+                           packed.size(), BLOSC_ZSTD_COMPNAME, bytes, 1);
+    ASSERT_GT(size, 0);
+    std::uint32_t block_bytes;
+    std::memcpy(&block_bytes, packed.data() + 8, 4);
+    const RawBytes stored(packed.begin(), packed.begin() + size);
+    const bool is_short = block_bytes <= kMostBlockBytes;
+    ++(is_short ? taken : refused);
+    EXPECT_EQ(survives(Codec::kZstd, stored, elements.size()), is_short) << block_bytes;
+  }
+  EXPECT_GT(taken, 0);
+  EXPECT_GT(refused, 0);
+}
+
 // Blosc would take the same block twice, or one that lies in the header: so a small file could keep
 // a reader busy for hours.
 TEST(HostilePart, BlocksInAnotherOrderAreRefused) {

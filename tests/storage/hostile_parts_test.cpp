@@ -3,12 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <functional>
 #include <limits>
 #include <string>
 #include <vector>
 
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/every_brick.h"
 #include "tests/support/file_edits.h"
@@ -130,6 +132,91 @@ TEST(HostileParts, ReservedFieldsAndValueRangesThatLieAreFound) {
               d.bricks[0].row.range_max = d.bricks[0].row.range_min;
             }).damaged,
             (std::vector<std::size_t>{0}));
+}
+
+// The checks of a row come before those of its bytes, whose checksums are right here.
+TEST(HostileParts, RowsThatContradictTheFormatAreRefusedByTheReaderItself) {
+  const TemporaryFolder folder;
+  const PyramidDraft good(
+      readWholeFile(buildGoodFile(folder, VoxelType::kUint8, format::Codec::kStored)));
+  const Bytes file = good.seal();
+  const std::string bad = folder.file("bad.isb");
+  const auto rowOf = [&](std::uint32_t codec) {
+    std::size_t row = 0;
+    while (good.bricks[row].row.parts[0].codec != codec) ++row;
+    return row;
+  };
+  const auto errorOf = [&](std::size_t row, const std::function<void(std::uint8_t*)>& edit) {
+    Bytes bytes = file;
+    edit(bytes.data() + getU64(bytes, kBrickTableAt) + row * kBrickRowBytes);
+    sealChecksums(bytes);
+    writeBytes(bad, bytes);
+    const Pyramid pyramid(bad);
+    try {
+      pyramid.samples(good.bricks[row].level, good.bricks[row].index);
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  const auto expectError = [](const std::string& error, const char* text) {
+    EXPECT_NE(error.find(text), std::string::npos) << text << ": " << error;
+  };
+  const std::size_t stored = rowOf(0), constant = rowOf(1);
+  EXPECT_EQ(errorOf(stored, [](std::uint8_t*) {}), "");
+  expectError(errorOf(stored, [](std::uint8_t* at) { at[0] += 8; }), "impossible entry");
+  // The sum of offset and size is small.
+  expectError(errorOf(stored,
+                      [](std::uint8_t* at) {
+                        std::memset(at, 0xff, 8);
+                        at[0] = 0xc0;
+                      }),
+              "impossible entry");
+  const float beyond = good.bricks[constant].row.range_max + 1;
+  expectError(
+      errorOf(constant, [&](std::uint8_t* at) { std::memcpy(at + 80, &beyond, sizeof beyond); }),
+      "impossible constant");
+}
+
+TEST(HostileParts, ThatOverlapAreFound) {
+  const TemporaryFolder folder;
+  const Bytes good = PyramidDraft(readWholeFile(buildGoodFile(folder))).seal();
+  const std::string bad = folder.file("bad.isb");
+  Bytes bytes = good;
+  // The ranges of the first brick begin where its samples do.
+  const std::uint64_t row = getU64(bytes, kBrickTableAt);
+  putU64(bytes, row + sizeof(format::PartEntry), getU64(bytes, row));
+  sealChecksums(bytes);
+  writeBytes(bad, bytes);
+  const Verdict verdict = judge(bad);
+  EXPECT_TRUE(std::ranges::any_of(verdict.rest, [](const std::string& fault) {
+    return fault.find("overlap") != std::string::npos;
+  }));
+}
+
+TEST(HostileParts, CodesOfBlocksOfOneValueAreFound) {
+  const TemporaryFolder folder;
+  const PyramidDraft good(readWholeFile(buildGoodFile(folder)));
+  std::size_t row = 0;
+  while (good.bricks[row].row.part(PartKind::kRanges).codec !=
+         static_cast<std::uint32_t>(format::Codec::kConstant))
+    ++row;
+  ASSERT_EQ(good.bricks[row].level, 0);
+  const Verdict verdict = judgeWithEdit(
+      folder, good, row, [](Elements& elements) { elements[2].back() = std::byte{5}; });
+  EXPECT_EQ(verdict.damaged, std::vector<std::size_t>{row});
+}
+
+TEST(HostileParts, AHistogramThatLacksAVoxelIsFound) {
+  const TemporaryFolder folder;
+  PyramidDraft draft(
+      readWholeFile(buildGoodFile(folder, VoxelType::kUint8, format::Codec::kStored)));
+  *std::ranges::max_element(draft.histogram) -= 1;
+  const std::string bad = folder.file("bad.isb");
+  writeBytes(bad, draft.seal());
+  const Verdict verdict = judge(bad);
+  ASSERT_EQ(verdict.rest.size(), 1u);
+  EXPECT_NE(verdict.rest[0].find("damaged histogram"), std::string::npos) << verdict.rest[0];
 }
 
 // A later version may add parts of a kind that this one does not know.

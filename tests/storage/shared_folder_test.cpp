@@ -62,6 +62,14 @@ TEST_F(SharedFolderTest, APipeIsNotWaitedFor) {
   expectRefused("not a regular file");
 }
 
+TEST_F(SharedFolderTest, AFileThatIsBeingWrittenIsNotTakenOver) {
+  AtomicFile first(output_);
+  first.write("first", 5);
+  expectRefused("another process is writing");
+  first.commit();
+  EXPECT_EQ(readBytes(output_), "first");
+}
+
 TEST_F(SharedFolderTest, AnotherUsersLeftoverIsNotTakenOver) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root gives files away";
   writeBytes(temporary_, "");

@@ -130,5 +130,18 @@ TEST(TransitionFans, NoTwoTrianglesOfACellCross) {
   EXPECT_LT(lonely_crossed, several / 300);
 }
 
+// The centre of gravity of this loop lies on its first side.
+TEST(TransitionFans, ACentreThatMakesAFlatTriangleGivesWayToThatOfTheCell) {
+  const std::vector<std::uint32_t> vertices{0, 1, 2, 3};
+  const std::vector<std::uint8_t> faces(4);
+  MeshBatch batch;
+  batch.level = 1;
+  batch.positions = {{0, 0, 0}, {2, 0, 0}, {1, 1, 0}, {1, -1, 0}};
+  batch.normals.assign(4, glm::vec3(0, 0, 1));
+  addCenteredFan(WorldFrame{GridGeometry()}, glm::dvec3(1), {vertices, faces}, batch);
+  EXPECT_EQ(batch.triangles.size(), 12u);
+  EXPECT_EQ(batch.positions.back(), glm::vec3(1));
+}
+
 }  // namespace
 }  // namespace isobrick::test

@@ -238,5 +238,31 @@ TEST(CornerValue, OfIntegersHangsAsThatOfAnySamples) {
   EXPECT_GT(hanging, 1000);
 }
 
+// The coarser side and the finer ones of a face. The values nearly make zero in its middle, so that
+// the order of the roundings shows.
+TEST(CornerValue, OfAFaceIsTheSameFromBothSides) {
+  constexpr int kLevel = 1;
+  Random random(14);
+  const Lattice lattice(Index3(8));  // the last cells of level 2 are three voxels wide
+  const Index3 first(2);
+  for (int round = 0; round < 3000; ++round) {
+    const int axis = round % 3, b = (axis + 1) % 3, c = (axis + 2) % 3;
+    float values[3][3];
+    for (const int corner : {0, 1, 2})
+      values[corner & 2][2 * (corner & 1)] = static_cast<float>(randomReal(random, -1, 1));
+    values[2][2] = (values[0][0] + 2 * values[0][2] + 2 * values[2][0]) / -4;
+    fillFace(lattice, kLevel, first, {b, c}, {2, 2}, values);
+    for (int j = 0; j < 3; ++j)
+      for (int i = 0; i < 3; ++i) {
+        Index3 sample = first;
+        sample[b] += i;
+        sample[c] += j;
+        ASSERT_EQ(values[j][i], valueOnCoarserLeaf(lattice, kLevel, sample, [&](const Index3& at) {
+                    return values[at[c] - first[c]][at[b] - first[b]];
+                  }));
+      }
+  }
+}
+
 }  // namespace
 }  // namespace isobrick::test

@@ -150,6 +150,21 @@ TEST_F(ZarrSourceTest, ASliceThatIsALinkToNowhereIsNotLeftOut) {
 }
 
 // Each chunk is a voxel, and all are missing.
+TEST_F(ZarrSourceTest, AChunkOfMoreThanAGibibyteIsRefusedBeforeItIsRead) {
+  fs::create_directory(pathOf("large.zarr"));
+  for (const auto& [last, is_refused] : {std::pair{"1024", false}, {"1025", true}}) {
+    write("large.zarr/.zarray",
+          std::string(R"({"zarr_format": 2, "shape": [9, 9, 9], "chunks": [1024, 1024, )") + last +
+              R"(], "dtype": "|u1", "compressor": null, "fill_value": 7, "order": "C",
+                 "filters": null})");
+    const auto open = [&] { openVolume(pathOf("large.zarr")); };
+    if (is_refused)
+      EXPECT_CONTAINS(errorOf(open), "1 GiB");
+    else
+      EXPECT_NO_THROW(open());
+  }
+}
+
 TEST_F(ZarrSourceTest, TinyChunksAreNotAllListedAhead) {
   constexpr std::int64_t kEdge = 400;
   fs::create_directory(pathOf("tiny.zarr"));

@@ -26,8 +26,9 @@ TEST(Access, KeysAreLongAndNewEachTime) {
 TEST(Access, TheKeyAloneLetsIn) {
   const Access access("0123", {});
   EXPECT_TRUE(access.isAuthorized("Bearer 0123"));
-  for (const char* const wrong : {"", "Bearer", "Bearer ", "0123", "bearer 0123", "Bearer 01234",
-                                  "Bearer 012", "Bearer 0124", "Basic 0123", " Bearer 0123"})
+  for (const char* const wrong :
+       {"", "Bearer", "Bearer ", "0123", "bearer 0123", "Bearer 01234", "Bearer 012", "Bearer 0124",
+        "Bearer 1123", "Basic 0123", " Bearer 0123"})
     EXPECT_FALSE(access.isAuthorized(wrong)) << wrong;
 }
 
