@@ -284,7 +284,7 @@ def _build_each(source: Any, out: str, arguments: dict[str, Any]) -> BuildReport
 
     if not isinstance(source, (str, os.PathLike)):
         raise ArgumentError("'all' channels and times are those of a file; build one pyramid of each array")
-    for name in ("raw", "direction", "unit", "part", "progress", "cancel"):
+    for name in ("raw", "direction", "part", "progress", "cancel"):
         if arguments[name] is not None:
             raise ArgumentError(f"{name} does not go with 'all' channels or times; leave it out, or choose one")
     selected = {name: arguments[name] for name in ("series", "grid", "time", "channel", "image", "component")}
@@ -293,6 +293,7 @@ def _build_each(source: Any, out: str, arguments: dict[str, Any]) -> BuildReport
         "output": out, "select": {key: value for key, value in selected.items() if value not in (None, "")},
         "no_curvature": not arguments["curvature"], "brick": arguments["brick_cells"],
         "denoise": arguments["denoise"] or None, "threads": arguments["threads"] or None,
+        "input_unit": arguments["unit"],
         **{name: arguments[name] for name in same},
     }  # fmt: skip
     done = run_command("build", [source], options)

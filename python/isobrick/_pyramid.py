@@ -568,16 +568,19 @@ def open_each(
     **arguments
         of ``open``
     """
-    from ._by_command import run_command
+    from ._by_command import facts_of_volume
 
-    facts = run_command("info", [_whole_path(os.fspath(path))], {"select": select})
-    if "time_steps" not in facts:
+    name = _whole_path(os.fspath(path))
+    if not _is_volume(name):
         raise Error(
-            f"{os.fspath(path)!r} has a pyramid, or is one, which holds a single {key}; build each with "
-            f'isobrick.build(..., {key}="all"), or take the pyramid out of the way'
+            f"{os.fspath(path)!r} is a pyramid, which holds a single {key}; build each with "
+            f'isobrick.build(..., {key}="all")'
         )
+    facts = facts_of_volume(name, _default_cache_folder(), select)
     count = len(facts["channels"]) if key == "channel" else facts["time_steps"]
-    return [open(path, select={**(select or {}), key: number}, **arguments) for number in range(max(count, 1))]
+    if count < 2:
+        return [open(path, select=select, **arguments)]
+    return [open(path, select={**(select or {}), key: number}, **arguments) for number in range(count)]
 
 
 def _is_volume(path: str) -> bool:
