@@ -59,6 +59,7 @@ std::size_t VolumeOpener::waitForChoice(const std::string& refusal,
   chosen_.reset();
   progress_.choices = choices;
   progress_.refusal = refusal;
+  progress_.phase.clear();
   while (!chosen_ && !cancel.requested()) {
     lock.unlock();
     std::this_thread::sleep_for(kLook);

@@ -116,7 +116,7 @@ Wishes ChoicePanel::build(const VolumeOpener::Status& opening, double scale) {
   const int count = static_cast<int>(opening.choices.size());
   if (count == 0) return wishes;
   placeInMiddle(scale, 560.0f, 240.0f);
-  if (ImGui::Begin("several volumes: choose one", nullptr,
+  if (ImGui::Begin("several volumes: choose one (arrows and Enter, or a click)", nullptr,
                    ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoNav)) {
     // Keys that were pressed before it was shown choose nothing.
     const bool appears = ImGui::IsWindowAppearing();
