@@ -48,7 +48,9 @@ void VolumeOpener::cancel() {
 
 void VolumeOpener::choose(std::size_t number) {
   const std::lock_guard lock(mutex_);
-  if (number < progress_.choices.size()) chosen_ = number;
+  if (number >= progress_.choices.size()) return;
+  chosen_ = number;
+  progress_.choices.clear();
 }
 
 std::size_t VolumeOpener::waitForChoice(const std::string& refusal,

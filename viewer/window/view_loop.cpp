@@ -177,7 +177,7 @@ class ViewLoop {
   // A script that goes on without a volume, since it chooses none of several.
   void refuseUnchosen(const ScriptFrame& scripted) const {
     const bool needs_volume =
-        scripted.finished || (scripted.file && scripted.file->what != ScriptFile::What::kFrame);
+        scripted.file ? scripted.file->what != ScriptFile::What::kFrame : scripted.finished;
     if (player_ && session() == nullptr && needs_volume && volumes_.asks())
       throw Error(volumes_.status().refusal);
   }
