@@ -316,7 +316,21 @@ def join(
 ) -> JoinReport:
     """Makes the coarser levels and the index of a pyramid of many files (``.isbs``), whose super-bricks are all
     there; after that ``isobrick.open`` opens it. May be repeated. Raises Error that names files that are missing,
-    damaged, or of another build."""
+    damaged, or of another build.
+
+    Parameters
+    ----------
+    folder
+        the ``.isbs``
+    memory
+        what the call holds at most: bytes, or a text such as '256M'
+    threads
+        0: all cores
+    progress
+        True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+    cancel
+        ends the call when its ``request()`` is called
+    """
     with told_progress(progress, f"joining {os.path.basename(os.fspath(folder))}") as tell:
         return JoinReport(**_core.join(os.fspath(folder), byte_size(memory), threads, tell, cancel))
 

@@ -211,6 +211,8 @@ def convert(
     ----------
     source
         a pyramid, or the path or URL of one or of a volume
+    out
+        the file or folder to write; its ending is the format
     level, all_levels
         of a pyramid: this level, or all of them in one ``.vdb`` or ``.ome.zarr``
     box_voxels

@@ -133,10 +133,21 @@ class Mesh:
         unit: str | None = None,
         shift: Sequence[float] = (0, 0, 0),
     ) -> None:
-        """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``, points in world units, or where
-        ``space``, ``unit`` and ``shift`` say: to the byte what ``extract_to`` writes, but for ``meshopt``, whose chunks
-        are cut elsewhere. ``colors`` are those of the points, by an attribute. ``zlib`` packs ``.vtp``, ``meshopt``
-        packs ``.glb``. A file of that name is replaced."""
+        """Writes a file, to the byte that of ``extract_to``, but for ``meshopt``, whose chunks are cut elsewhere. One
+        of that name is replaced.
+
+        Parameters
+        ----------
+        path
+            its ending is the format: ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``
+        colors
+            of the points, by an attribute
+        zlib, meshopt
+            pack ``.vtp``; ``.glb``
+        space, unit, shift
+            where the points lie, (x, y, z), in place of the world: 'RAS', or 'index' for voxel indices; in 'nm', 'um',
+            'mm', 'cm', 'm', 'inch' or 'ft'; moved by this last
+        """
         self._handle.save(os.fspath(path), colors, zlib, meshopt, placement_of(space, unit, shift))
 
     def to_vtk(self) -> Any:
