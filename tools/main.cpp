@@ -84,9 +84,13 @@ std::string guessOfRest(const CLI::App& app) {
 
 // The exit status if the words themselves end the run (help, version, wrong usage). The words begin
 // with the last one, as CLI11 takes them.
-std::optional<int> parseArguments(CLI::App& app, std::vector<std::string> words) {
+std::optional<int> parseArguments(CLI::App& app, const std::vector<std::string>& words) {
+  const std::vector<std::string> values = withVariables(words);
+  const auto refuse = [&](const std::string& message) {
+    return reportUsage(app, withoutValues(message, words, values));
+  };
   try {
-    app.parse(std::move(words));
+    app.parse(std::vector(values));
   } catch (const CLI::Success& wish) {
     app.exit(wish);
     return std::fflush(stdout) == 0 ? kSucceeded : kFailed;
@@ -94,11 +98,11 @@ std::optional<int> parseArguments(CLI::App& app, std::vector<std::string> words)
     // For an unknown subcommand CLI11 only says that one is missing.
     const std::vector<std::string> unknown = app.remaining();
     if (app.get_subcommands().empty() && !unknown.empty())
-      return reportUsage(app, fmt::format("unknown subcommand or option '{}'{}", unknown.front(),
-                                          guessFor(app, unknown.front())));
-    return reportUsage(app, error.what() + guessOfRest(app));
+      return refuse(fmt::format("unknown subcommand or option '{}'{}", unknown.front(),
+                                guessFor(app, unknown.front())));
+    return refuse(error.what() + guessOfRest(app));
   } catch (const CLI::ParseError& error) {
-    return reportUsage(app, error.what() + guessOfRest(app));
+    return refuse(error.what() + guessOfRest(app));
   }
   return std::nullopt;
 }
@@ -192,7 +196,7 @@ int runWords(int given, char** given_words) {
   }
   if (!isSubcommand(app, argv[1])) runCommandOfFile(argc, argv);
   // Not before: what this process becomes would have them among its words.
-  const auto status = parseArguments(app, withVariables({texts.rbegin(), texts.rend() - 1}));
+  const auto status = parseArguments(app, {texts.rbegin(), texts.rend() - 1});
   if (status) return *status;
   installInterruptHandler();
   const int ended = runReportingFailures(app, commands);

@@ -85,6 +85,16 @@ std::vector<std::string> withVariables(std::vector<std::string> words) {
   return words;
 }
 
+std::string withoutValues(std::string message, const std::vector<std::string>& words,
+                          const std::vector<std::string>& values) {
+  for (std::size_t i = 0; i < words.size(); ++i)
+    if (words[i] != values[i] && !values[i].empty())
+      for (std::size_t at = 0; (at = message.find(values[i], at)) != std::string::npos;
+           at += words[i].size())
+        message.replace(at, values[i].size(), words[i]);
+  return message;
+}
+
 std::string guessOf(const std::string& word, const std::vector<std::string>& known) {
   std::string nearest;
   std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;

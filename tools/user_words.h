@@ -14,6 +14,11 @@ std::vector<std::string> todaysWords(int argc, char** argv);
 // `ps` shows the words of a process to everybody. Throws Error if there is no such variable.
 std::vector<std::string> withVariables(std::vector<std::string> words);
 
+// The message with "env:NAME" in place of the values that withVariables() put there: `words`
+// before, and `values` after it.
+std::string withoutValues(std::string message, const std::vector<std::string>& words,
+                          const std::vector<std::string>& values);
+
 // "; did you mean 'focus'?" for "focsu": the nearest of the words, or nothing if none is near.
 std::string guessOf(const std::string& word, const std::vector<std::string>& known);
 

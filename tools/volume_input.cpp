@@ -32,8 +32,6 @@ namespace fs = std::filesystem;
 // A build takes an arena of memory for its buffers, and libraries of formats may be slow to stop.
 constexpr int kTidyEndMilliseconds = 3000;
 constexpr std::string_view kOwnName = "isobrick: ";
-// Larger volumes have pyramids in the cache only if its folder is named: the home folder is small.
-constexpr std::uint64_t kMostBytesUnasked = 8'000'000'000;
 
 constexpr char kFileHelp[] =
     "Pyramid (.isb), also behind http://, https://, s3:// or gs://; or a volume as 'isobrick "
@@ -123,7 +121,12 @@ ProgramCall callOfBuild(const std::string& volume, const VolumeBuild& build) {
       "--progress-lines",
       "--json"};
   call.words.insert(call.words.end(), build.words.begin(), build.words.end());
-  call.on_error_line = build.tell_line;
+  call.on_error_line = [tell = build.tell_line](std::string_view line) {
+    if (line.starts_with(kWarningWord))
+      fmt::print(stderr, "{}\n", line);
+    else if (tell)
+      tell(line);
+  };
   call.tidy_end_milliseconds = kTidyEndMilliseconds;
   return call;
 }
@@ -132,7 +135,7 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
                             const CancelFlag& cancel) {
   ProgramCall call = callOfBuild(volume, build);
   if (build.cache_folder.empty())
-    call.words.insert(call.words.end(), {"--cache-most", std::to_string(kMostBytesUnasked)});
+    call.words.insert(call.words.end(), {"--cache-most", std::to_string(kManyCachedBytes)});
   // Another process may remove a pyramid before this one has it.
   constexpr int kMostTimes = 10;
   for (int time = 0; time < kMostTimes; ++time) {
@@ -270,7 +273,6 @@ void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> m
     ProgressBar bar(100, "%");
     build.tell_line = [&](std::string_view line) {
       double share = 0;
-      if (line.starts_with(kWarningWord)) fmt::print(stderr, "{}\n", line);
       if (takeWord(line, "progress") && takeNumber(line, share)) bar.show(line, share);
     };
     built = buildIntoCache(input.path, build, interruptFlag());

@@ -55,6 +55,10 @@ inline bool masksNan(const VolumeInput& input) {
 // Begins a line on stderr that reaches the user also if another program is in between.
 inline constexpr std::string_view kWarningWord = "isobrick: warning: ";
 
+// Larger volumes come into the cache only if its folder is named, and more in it is warned of: the
+// home folder is small.
+inline constexpr std::uint64_t kManyCachedBytes = 8'000'000'000;
+
 // FILE, and the same of several.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
 CLI::Option* addVolumeInputs(CLI::App& app, std::vector<std::string>& paths);

@@ -323,10 +323,9 @@ struct DicomSeries {
   std::string uid, number, description, grid;
   std::int64_t slices = 0;
 
-  std::string text() const {
+  std::string text(const std::string& more = {}) const {
     return concat(number.empty() ? "(no number)" : number, " ", quotedText(description, 40), " (",
-                  slices, slices == 1 ? " slice of " : " slices of ", grid, ", UID ",
-                  uid.empty() ? "missing" : uid, ")");
+                  slices, slices == 1 ? " slice of " : " slices of ", grid, more, ")");
   }
   bool isCalled(const std::string& name) const {
     return name == uid ||
@@ -357,18 +356,22 @@ void chooseSeries(const std::string& folder, const std::string& name,
   const std::vector<DicomSeries> all = listSeries(files);
   if (all.size() == 1 && name.empty()) return;
   std::vector<std::string> chosen;
+  std::vector<SeveralSeries::Series> found;
   ListText list("; ", 20);
   for (const DicomSeries& series : all) {
     if (!name.empty() && series.isCalled(name)) chosen.push_back(series.uid);
-    list.add(series.text());
+    list.add(series.text(", UID " + (series.uid.empty() ? "missing" : series.uid)));
+    found.push_back({series.uid.empty() ? series.number : series.uid, series.text()});
   }
   if (chosen.size() != 1) {
     const std::string what = name.empty() ? ""
                              : chosen.empty()
                                  ? "no series " + quotedText(name, 70) + " among "
                                  : "several series " + quotedText(name, 70) + " among ";
-    throw fileError(folder, "cannot use the folder '", folder, "': it holds ", what, all.size(),
-                    " DICOM series: ", list.text(), Remedy::kChooseSeries);
+    throw SeveralSeries(
+        fileError(folder, "cannot use the folder '", folder, "': it holds ", what, all.size(),
+                  " DICOM series: ", list.text(), Remedy::kChooseSeries),
+        std::move(found));
   }
   std::erase_if(files, [&](const SeriesFile& file) { return file.series_uid != chosen[0]; });
 }

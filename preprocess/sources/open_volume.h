@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/derived_volume.h"
@@ -90,6 +91,19 @@ struct OpenOptions : GivenPlace {
   }
 };
 
+// A folder holds several DICOM series, and the options choose none of them, or not one.
+class SeveralSeries : public Error {
+ public:
+  struct Series {
+    std::string name;  // what OpenOptions::series takes: its UID or, for want of one, its number
+    std::string text;  // number, description and size, one line
+  };
+  // `refusal`: the line, place and remedies.
+  SeveralSeries(const Error& refusal, std::vector<Series> found)
+      : Error(refusal), series(std::move(found)) {}
+  const std::vector<Series> series;  // in the order of their numbers
+};
+
 // Opens the volume at `path`: a file of any format that isobrick reads, or a folder with a DICOM
 // series or a stack of TIFF slices. VTI and VDB files are recognised by their ending, others by
 // their content; with options.raw the file is read as raw voxels, whatever it is called. Reads
@@ -97,7 +111,7 @@ struct OpenOptions : GivenPlace {
 //
 // Throws Error if the path cannot be opened or read, for formats that this build of isobrick leaves
 // out, for pyramids, and (with Remedy::kDescribeRawFile) for files that are known to have no header
-// if options.raw is missing; Cancelled.
+// if options.raw is missing; SeveralSeries; Cancelled.
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options = {});
 
 // The names of the grids of numbers in an OpenVDB file, as OpenOptions::grid takes them, in its

@@ -284,7 +284,7 @@ def _build_each(source: Any, out: str, arguments: dict[str, Any]) -> BuildReport
 
     if not isinstance(source, (str, os.PathLike)):
         raise ArgumentError("'all' channels and times are those of a file; build one pyramid of each array")
-    for name in ("raw", "direction", "unit", "part", "progress", "cancel"):
+    for name in ("raw", "direction", "part", "progress", "cancel"):
         if arguments[name] is not None:
             raise ArgumentError(f"{name} does not go with 'all' channels or times; leave it out, or choose one")
     selected = {name: arguments[name] for name in ("series", "grid", "time", "channel", "image", "component")}
@@ -293,6 +293,7 @@ def _build_each(source: Any, out: str, arguments: dict[str, Any]) -> BuildReport
         "output": out, "select": {key: value for key, value in selected.items() if value not in (None, "")},
         "no_curvature": not arguments["curvature"], "brick": arguments["brick_cells"],
         "denoise": arguments["denoise"] or None, "threads": arguments["threads"] or None,
+        "input_unit": arguments["unit"],
         **{name: arguments[name] for name in same},
     }  # fmt: skip
     done = run_command("build", [source], options)
@@ -315,7 +316,21 @@ def join(
 ) -> JoinReport:
     """Makes the coarser levels and the index of a pyramid of many files (``.isbs``), whose super-bricks are all
     there; after that ``isobrick.open`` opens it. May be repeated. Raises Error that names files that are missing,
-    damaged, or of another build."""
+    damaged, or of another build.
+
+    Parameters
+    ----------
+    folder
+        the ``.isbs``
+    memory
+        what the call holds at most: bytes, or a text such as '256M'
+    threads
+        0: all cores
+    progress
+        True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+    cancel
+        ends the call when its ``request()`` is called
+    """
     with told_progress(progress, f"joining {os.path.basename(os.fspath(folder))}") as tell:
         return JoinReport(**_core.join(os.fspath(folder), byte_size(memory), threads, tell, cancel))
 

@@ -86,10 +86,13 @@ def run_command(command: str, inputs: Sequence[Source], options: Mapping[str, An
     done = subprocess.run(
         words, env=environment() | urls, stdin=subprocess.DEVNULL, capture_output=True, text=True
     )  # fmt: skip
+    said = [line.removeprefix("isobrick: ") for line in done.stderr.splitlines() if line.strip()]
+    for line in said:
+        if line.startswith("warning: "):
+            warnings.warn(line.removeprefix("warning: "), RuntimeWarning, stacklevel=3)
     if done.returncode == 0:
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
-    said = [line.removeprefix("isobrick: ") for line in done.stderr.splitlines() if line.strip()]
     last = said[-1] if said else f"isobrick {command} ended with {done.returncode}"
     if done.returncode == 2:
         raise ArgumentError(last)
@@ -106,6 +109,13 @@ def pyramid_of_volume(
     }  # fmt: skip
     built: str = run_command("build", [path], options)["output"]
     return built
+
+
+def facts_of_volume(path: str, folder: str, select: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Its grid, channels and times, whether it has a pyramid, beside it or in the cache, or not. Builds none."""
+    answer = run_command("build", [path], {"into_cache": folder, "only_facts": True, "select": select})
+    facts: dict[str, Any] = answer.get("facts") or answer
+    return facts
 
 
 @overload
@@ -201,6 +211,8 @@ def convert(
     ----------
     source
         a pyramid, or the path or URL of one or of a volume
+    out
+        the file or folder to write; its ending is the format
     level, all_levels
         of a pyramid: this level, or all of them in one ``.vdb`` or ``.ome.zarr``
     box_voxels

@@ -71,6 +71,10 @@ def isosurface(
         f4 in rows, in this machine's byte order), at most: bytes, or a text such as '256M'
     threads
         0: all cores
+    progress
+        True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+    cancel
+        ends the call when its ``request()`` is called
     **choice
         of ``Query``: box, mask, clip, sphere, cap, simplify, drop_small, keep_largest, drop_below, values, attributes
         and inside, in which 'auto' is 'above'; (x, y, z) in world units, or in voxels those that end with ``_voxels``.
@@ -112,8 +116,25 @@ def marching_cubes(
     Vertices lie on the edges of cells, within 1/4096 of an edge of scikit-image's. What differs: in cells that can be
     cut in several ways the triangles may be others (there are no vertices inside of cells), so that the surface never
     crosses itself; no triangle is degenerate, whatever ``allow_degenerate`` says; ``method`` makes no difference.
-    ``values`` are what scikit-image gives: the contrast of the cells around a vertex. As there, ``mask`` leaves out
-    the cells whose last voxel is not in it, and normals are those of voxels of size one.
+    ``values`` are what scikit-image gives: the contrast of the cells around a vertex. As there, normals are those of
+    voxels of size one.
+
+    Parameters
+    ----------
+    volume
+        an array of three axes
+    level
+        the isovalue; None: the middle of the array's range
+    spacing
+        of the axes, in their order
+    gradient_direction
+        'descent' if the object is above ``level``, else 'ascent'
+    step_size
+        takes every so many voxels
+    allow_degenerate, method
+        for scikit-image's sake
+    mask
+        leaves out the cells whose last voxel is not in it
     """
     array = np.asarray(volume)
     if array.ndim != 3:

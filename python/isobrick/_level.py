@@ -130,7 +130,13 @@ class Level:
 
     def brick(self, z: int, y: int, x: int) -> tuple[tuple[int, int, int], NDArray[Any]]:
         """The samples of one brick with its apron, and the index [z, y, x] of the first of them. Read-only, and
-        the file's own memory if bricks are stored as they are (codec 'none')."""
+        the file's own memory if bricks are stored as they are (codec 'none').
+
+        Parameters
+        ----------
+        z, y, x
+            the number of the brick along each axis, from 0
+        """
         if not all(0 <= i < n for i, n in zip((z, y, x), self.bricks)):
             raise IndexError(f"brick [{z}, {y}, {x}] is not one of {self.bricks}")
         (fx, fy, fz), array = self._pyramid._handle.read_brick(self.level, x, y, z)

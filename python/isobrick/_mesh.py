@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -132,10 +133,21 @@ class Mesh:
         unit: str | None = None,
         shift: Sequence[float] = (0, 0, 0),
     ) -> None:
-        """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``, points in world units, or where
-        ``space``, ``unit`` and ``shift`` say: to the byte what ``extract_to`` writes, but for ``meshopt``, whose chunks
-        are cut elsewhere. ``colors`` are those of the points, by an attribute. ``zlib`` packs ``.vtp``, ``meshopt``
-        packs ``.glb``. A file of that name is replaced."""
+        """Writes a file, to the byte that of ``extract_to``, but for ``meshopt``, whose chunks are cut elsewhere. One
+        of that name is replaced.
+
+        Parameters
+        ----------
+        path
+            its ending is the format: ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``
+        colors
+            of the points, by an attribute
+        zlib, meshopt
+            pack ``.vtp``; ``.glb``
+        space, unit, shift
+            where the points lie, (x, y, z), in place of the world: 'RAS', or 'index' for voxel indices; in 'nm', 'um',
+            'mm', 'cm', 'm', 'inch' or 'ft'; moved by this last
+        """
         self._handle.save(os.fspath(path), colors, zlib, meshopt, placement_of(space, unit, shift))
 
     def to_vtk(self) -> Any:
@@ -186,12 +198,13 @@ def save_together(
     path: str | os.PathLike[str],
     meshes: Mapping[str, Mesh] | Mapping[int, Mesh],
     *,
-    colors: Mapping[Any, Sequence[float]] | None = None,
+    mesh_colors: Mapping[Any, Sequence[float]] | None = None,
     zlib: bool = False,
     meshopt: bool = False,
     space: Space = "LPS",
     unit: str | None = None,
     shift: Sequence[float] = (0, 0, 0),
+    colors: Mapping[Any, Sequence[float]] | None = None,
 ) -> None:
     """Writes several meshes to one file: ``save_together("head.glb", {"skin": skin, "bone": bone})``.
 
@@ -206,17 +219,22 @@ def save_together(
     meshes
         by name; or by label, a whole number, whose name is "label 3". In ``.ply`` and ``.vtp`` the points of labels,
         below 2**32, have a whole number ``label``, in ``.obj`` the triangles are groups of these names
-    colors
+    mesh_colors
         of some or all of the meshes in ``.glb`` and ``.3mf``, by the same keys: (red, green, blue), sRGB, 0 to 1
     zlib, meshopt, space, unit, shift
         as for ``Mesh.save``
+    colors
+        the old name of ``mesh_colors``, until 0.4
     """
+    if colors is not None:
+        warnings.warn("colors= is mesh_colors= now; the old name ends with version 0.4", FutureWarning, stacklevel=2)
+        mesh_colors = colors
     if not meshes:
         raise ArgumentError("there is no mesh to write; give one")
     are_labels = all(isinstance(key, int | np.integer) for key in meshes)
     objects = []
     for key, mesh in meshes.items():
-        color = (colors or {}).get(key)
+        color = (mesh_colors or {}).get(key)
         name, label = (f"label {key}", int(key)) if are_labels else (str(key), 0)
         objects.append((mesh._handle, name, label, None if color is None else tuple(map(float, color))))
     _core.save_together(objects, os.fspath(path), are_labels, zlib, meshopt, placement_of(space, unit, shift))

@@ -124,9 +124,24 @@ def merge(
     threads: int = 0,
     cancel: _core.Cancel | None = None,
 ) -> MergeReport:
-    """Joins the shares of a surface (``.isbm``, in any order) to one closed mesh file, in bounded memory: the bytes
-    of one ``extract_to``, which has the same ``space``, ``unit`` and ``shift``. A missing or foreign share is an Error
-    that names it."""
+    """Joins the shares of a surface to one closed mesh file, in bounded memory: the bytes of one ``extract_to``. A
+    missing or foreign share is an Error that names it.
+
+    Parameters
+    ----------
+    shares
+        all ``.isbm`` of the surface, in any order
+    out
+        the mesh; its ending is the format
+    zlib, meshopt, space, unit, shift
+        as for ``Mesh.save``
+    force
+        replaces ``out`` if it exists
+    threads
+        0: all cores
+    cancel
+        ends the call when its ``request()`` is called
+    """
     paths = [os.fspath(share) for share in shares]
     placement = placement_of(space, unit, shift)
     return MergeReport(**_core.merge_shares(paths, os.fspath(out), zlib, meshopt, placement, force, threads, cancel))
@@ -298,7 +313,13 @@ class Pyramid:
         return [Level(self, level) for level in range(self._handle.levels())]
 
     def level(self, level: int) -> Level:
-        """One level as an array [z, y, x]; 0 is the finest."""
+        """One level as an array [z, y, x].
+
+        Parameters
+        ----------
+        level
+            0 is the finest
+        """
         count = self._handle.levels()
         if not 0 <= level < count:
             raise RangeError(f"level {level} is not one of 0 to {count - 1}", path=self._path, level=level)
@@ -317,7 +338,17 @@ class Pyramid:
     def verify(
         self, *, threads: int = 0, progress: Progress = None, cancel: _core.Cancel | None = None
     ) -> list[Damage]:
-        """Reads the whole file and says what is wrong with it; nothing: an empty list."""
+        """Reads the whole file and says what is wrong with it; nothing: an empty list.
+
+        Parameters
+        ----------
+        threads
+            0: all cores
+        progress
+            True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+        cancel
+            ends the call when its ``request()`` is called
+        """
         with told_progress(progress, "verifying") as tell:
             return [Damage(*one) for one in self._handle.verify(threads, tell, cancel)]
 
@@ -348,6 +379,10 @@ class Pyramid:
             bounds what stays of the file in memory, for this query alone
         threads
             0: all cores
+        progress
+            True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+        cancel
+            ends the call when its ``request()`` is called
         **choice
             of ``Query``: focus, radius, level, view, curvature, or_finer, box, mask, clip, sphere, cap, simplify,
             triangles, drop_small, keep_largest, drop_below, values, attributes and inside; (x, y, z) in world units, or
@@ -374,20 +409,52 @@ class Pyramid:
         cancel: _core.Cancel | None = None,
         **choice: Unpack[Choice],
     ) -> Iterator[Mesh]:
-        """The surfaces of several isovalues, one after the other, with the parameters of ``extract``."""
+        """The surfaces of several isovalues, one after the other.
+
+        Parameters
+        ----------
+        isovalues
+            of the surfaces, in their order
+        threads
+            0: all cores
+        progress
+            True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+        cancel
+            ends the call when its ``request()`` is called
+        **choice
+            of ``Query``, as of ``extract``
+        """
         session = self.session()
         for isovalue in isovalues:
             yield session.extract(isovalue, threads=threads, progress=progress, cancel=cancel, **choice)
 
     async def extract_async(self, isovalue: Isovalue | Query = "auto", **arguments: Any) -> Mesh:
         """``extract`` for coroutines: ``mesh = await pyramid.extract_async(1324)``. Others run meanwhile. If the task
-        is cancelled, the extraction ends within some 50 ms."""
+        is cancelled, the extraction ends within some 50 ms.
+
+        Parameters
+        ----------
+        isovalue
+            of the surface, or a ``Query``
+        **arguments
+            of ``extract``
+        """
         return await awaited(self.extract, isovalue, **arguments)
 
     async def extract_to_async(
         self, path: str | os.PathLike[str], isovalue: Isovalue | Query = "auto", **arguments: Any
     ) -> ExtractReport:
-        """``extract_to`` for coroutines, as ``extract_async``."""
+        """``extract_to`` for coroutines, as ``extract_async``.
+
+        Parameters
+        ----------
+        path
+            its ending is the format
+        isovalue
+            of the surface, or a ``Query``
+        **arguments
+            of ``extract_to``
+        """
         return await awaited(self.extract_to, path, isovalue, **arguments)
 
     def extract_to(
@@ -408,13 +475,29 @@ class Pyramid:
         cancel: _core.Cancel | None = None,
         **choice: Unpack[Choice],
     ) -> ExtractReport:
-        """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``: for meshes larger
-        than memory. The file has the world's coordinates, or those of another ``space`` ('RAS', or 'index': voxel
-        indices), in a ``unit`` of its own ('nm', 'um', 'mm', 'cm', 'm', 'inch', 'ft'), and ``shift`` added
-        last. ``colors`` are those of the points, by an attribute. The other parameters are those of ``extract``, (x, y, z)
-        in world units, or in voxels those that end with ``_voxels``. The file has its name when it is whole; one that
-        exists is replaced with ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins with the others
-        to the mesh of one call."""
+        """The isosurface, streamed to a file: for meshes larger than memory. The file has its name when it is whole.
+
+        Parameters
+        ----------
+        path
+            its ending is the format: ``.ply``, ``.stl``, ``.obj``, ``.glb``, ``.vtp`` or ``.3mf``; of a share ``.isbm``
+        isovalue
+            of the surface, or a ``Query``
+        part
+            (i, n): only share i of n shares of the surface, i from 1, which ``isobrick.merge`` joins with the others
+        colors, zlib, meshopt, space, unit, shift
+            as for ``Mesh.save``
+        force
+            replaces ``path`` if it exists
+        threads
+            0: all cores
+        progress
+            True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+        cancel
+            ends the call when its ``request()`` is called
+        **choice
+            of ``Query``, as of ``extract``: (x, y, z) in world units, or in voxels those that end with ``_voxels``
+        """
         query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
             settings = self._settings(query, threads, tell, cancel, part)
@@ -476,7 +559,21 @@ class Session:
         cancel: _core.Cancel | None = None,
         **choice: Unpack[Choice],
     ) -> Mesh:
-        """As ``Pyramid.extract``: (x, y, z) in world units, in voxels what ends with ``_voxels``."""
+        """As ``Pyramid.extract``: (x, y, z) in world units, in voxels what ends with ``_voxels``.
+
+        Parameters
+        ----------
+        isovalue
+            of the surface, or a ``Query``
+        threads
+            0: all cores
+        progress
+            True for a bar of tqdm, a bar, or a callable of (phase, fraction)
+        cancel
+            ends the call when its ``request()`` is called
+        **choice
+            of ``Query``, as of ``extract``
+        """
         query = query_of(isovalue, choice)
         with told_progress(progress, "extracting") as tell:
             return Mesh(self._handle.extract(self._pyramid._settings(query, threads, tell, cancel), False))
@@ -491,8 +588,19 @@ class Session:
     ) -> Iterator[Mesh]:
         """Meshes of one surface: the first at once, from what is in memory, and finer ones as bricks come in, near
         the focus first. The last one is that of ``extract``, unless the pyramid's ``memory`` has no room for it;
-        ``Mesh.is_complete`` says which. (x, y, z) in world units, in voxels what ends with ``_voxels``. The query has
-        no ``values``; ``triangles`` counts for the last mesh."""
+        ``Mesh.is_complete`` says which. (x, y, z) in world units, in voxels what ends with ``_voxels``.
+
+        Parameters
+        ----------
+        isovalue
+            of the surface, or a ``Query``
+        threads
+            0: all cores
+        cancel
+            ends the call when its ``request()`` is called
+        **choice
+            of ``Query``, without ``values`` and ``attributes``; ``triangles`` counts for the last mesh
+        """
         query = query_of(isovalue, choice)
         if query.values is not None or query.attributes:
             raise ArgumentError("a progressive query has no values; take those of extract()")
@@ -523,16 +631,26 @@ def open(
 ) -> Pyramid:
     """Opens the pyramid ``path`` (``.isb``). Reads no brick, so it takes as long for any size.
 
-    A volume of any format of ``build``, a folder of DICOM or OME-Zarr behind a URL becomes a pyramid in
-    ``cache_folder`` first, by the command, which the wheel has, and is found there again; ``spacing`` is then (x, y, z)
-    in place of what the file says, and ``select`` chooses from several volumes: ``{"series": 2, "time": 0}``. All
-    channels are ``open_each``.
+    A volume of any format of ``build``, a folder of DICOM or OME-Zarr behind a URL becomes a pyramid first, by the
+    command, which the wheel has, and is found there again. All channels are ``open_each``. Arrays of it are [z, y, x];
+    points, focus and geometry are (x, y, z) in world units.
 
-    Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
-    stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
-
-    ``path`` may be a URL: ``https://…``, ``http://…``, ``s3://bucket/key`` or ``gs://bucket/key``. ``cache_size``
-    ("4G") keeps parts of it on disk, in ``cache_folder`` or the folder that ``isobrick cache`` lists; by default none stay.
+    Parameters
+    ----------
+    path
+        a name, or a URL: ``https://…``, ``http://…``, ``s3://bucket/key`` or ``gs://bucket/key``
+    memory
+        bounds what stays of the file in memory: bytes, or a text such as '256M'
+    mmap
+        False reads the file instead of mapping it, for network file systems
+    cache_folder
+        for pyramids of volumes and parts of URLs, in place of the folder that ``isobrick cache`` lists
+    cache_size
+        keeps parts of a URL on disk, at most so much of all pyramids, such as '4G'; by default none stay
+    spacing
+        of a volume, (x, y, z), in place of what the file says
+    select
+        which volume of several in the file: ``{"series": 2, "time": 0}``
     """
     name = _whole_path(os.fspath(path))
     if not _is_volume(name):
@@ -568,16 +686,19 @@ def open_each(
     **arguments
         of ``open``
     """
-    from ._by_command import run_command
+    from ._by_command import facts_of_volume
 
-    facts = run_command("info", [_whole_path(os.fspath(path))], {"select": select})
-    if "time_steps" not in facts:
+    name = _whole_path(os.fspath(path))
+    if not _is_volume(name):
         raise Error(
-            f"{os.fspath(path)!r} has a pyramid, or is one, which holds a single {key}; build each with "
-            f'isobrick.build(..., {key}="all"), or take the pyramid out of the way'
+            f"{os.fspath(path)!r} is a pyramid, which holds a single {key}; build each with "
+            f'isobrick.build(..., {key}="all")'
         )
+    facts = facts_of_volume(name, _default_cache_folder(), select)
     count = len(facts["channels"]) if key == "channel" else facts["time_steps"]
-    return [open(path, select={**(select or {}), key: number}, **arguments) for number in range(max(count, 1))]
+    if count < 2:
+        return [open(path, select=select, **arguments)]
+    return [open(path, select={**(select or {}), key: number}, **arguments) for number in range(count)]
 
 
 def _is_volume(path: str) -> bool:

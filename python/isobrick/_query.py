@@ -35,6 +35,10 @@ class View:
 
     Parameters
     ----------
+    eye
+        where the picture is taken from
+    pixels
+        that an edge of a cell may cover
     pixels_per_radian
         of a perspective picture: its height in pixels over its field of view in radians
     pixels_per_unit

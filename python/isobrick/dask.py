@@ -199,7 +199,21 @@ def delayed_parts(
     **choice: Unpack[Choice],
 ) -> list[Any]:
     """The isosurface as a list of ``dask.delayed`` objects, each of which becomes a ``MeshPart``: for graphs of one's
-    own. ``isovalue`` and its keywords as of ``extract``. Together the parts have all triangles of the surface, each once."""
+    own. Together the parts have all triangles of the surface, each once.
+
+    Parameters
+    ----------
+    pyramid
+        open, or its name
+    isovalue
+        of the surface, or a ``Query``
+    parts
+        how many
+    threads
+        of each task
+    **choice
+        of ``Query``, as of ``extract``
+    """
     from dask.delayed import delayed
 
     path, query = _path_and_query(pyramid, query_of(isovalue, choice))

@@ -100,7 +100,7 @@ def test_the_library_of_the_format_reads_it(ball: isobrick.Pyramid, tmp_path: Pa
 def test_several_in_one_file(ball: isobrick.Pyramid, tmp_path: Path) -> None:
     """As `extract --together` does."""
     meshes = {"outer": ball.extract(0), "inner": ball.extract(4.5)}
-    isobrick.save_together(tmp_path / "all.3mf", meshes, colors={"inner": (1, 0.5, 0)})
+    isobrick.save_together(tmp_path / "all.3mf", meshes, mesh_colors={"inner": (1, 0.5, 0)})
     model, points, faces = read_plain(tmp_path / "all.3mf")
     assert [o.get("name") for o in model.iter(CORE + "object")] == ["outer", "inner"]
     assert len(points) == sum(len(mesh.points) for mesh in meshes.values())

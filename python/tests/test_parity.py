@@ -127,9 +127,36 @@ def test_all_channels_and_times(tmp_path: Path) -> None:
         isobrick.build(run, tmp_path / "one.isb", channel="all")
     with pytest.raises(ValueError, match="array"):
         isobrick.build(stack[0, 0], tmp_path / "{channel}.isb", channel="all")
+    micro = isobrick.build(run, tmp_path / "um-{channel}.isb", channel="all", unit="um")
+    with isobrick.open(micro.outputs[0]) as one:
+        assert one.unit == "millimetres" and np.allclose(one.spacing, 0.001)
+    isobrick.build(run, tmp_path / "run.ome.isb")  # beside the volume, of its first channel and time
     opened = isobrick.open_each(run, select={"time": 1}, cache_folder=tmp_path / "cache")
     assert [one.provenance["channel"]["name"] for one in opened] == ["red", "green"]
     assert [one.value_range[1] for one in opened] == [stack[1, c].max() for c in range(2)]
+
+
+def test_the_pyramid_beside_a_volume_is_each_of_one(tmp_path: Path) -> None:
+    ball().astype(np.float32).tofile(tmp_path / "ball.raw")
+    nz, ny, nx = ball().shape
+    header = f"NRRD0004\ntype: float\ndimension: 3\nsizes: {nx} {ny} {nz}\nendian: little\nencoding: raw\n"
+    (tmp_path / "ball.nhdr").write_text(header + "data file: ball.raw\n")
+    isobrick.build(tmp_path / "ball.nhdr", tmp_path / "ball.isb")
+    (one,) = isobrick.open_each(tmp_path / "ball.nhdr", cache_folder=tmp_path / "cache")
+    assert one.path == str(tmp_path / "ball.isb")
+    with pytest.raises(isobrick.Error, match="is a pyramid"):
+        isobrick.open_each(tmp_path / "ball.isb")
+
+
+def test_warnings_of_the_command_are_those_of_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from isobrick import _by_command
+
+    command = tmp_path / "isobrick"
+    command.write_text("#!/bin/sh\necho 'isobrick: warning: the cache is full' >&2\necho '{}'\n")
+    command.chmod(0o755)
+    monkeypatch.setattr(_by_command, "executable", lambda: command)
+    with pytest.warns(RuntimeWarning, match="the cache is full"):
+        _by_command.run_command("build", ["a.nrrd"], {})
 
 
 def test_urls_are_not_among_the_words_of_processes(pyramid: isobrick.Pyramid, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+import isobrick
 
 ROOT = Path(__file__).parents[2]
 
@@ -46,3 +50,28 @@ def test_stubs_name_what_the_module_has() -> None:
         names = [n for n in dir(getattr(__import__(f"isobrick.{module}"), module)) if not n.startswith("_")]
         missing = [n for n in names if not re.search(rf"(class|def) {n}\b", stub)]
         assert missing == []
+
+
+def parameters_of(docstring: str) -> list[str]:
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", docstring, re.M | re.S)
+    lines = re.findall(r"^(\S.*)$", section[1], re.M) if section else []
+    return [name.strip().lstrip("*") for line in lines for name in line.split(",")]
+
+
+def public_calls() -> Iterator[tuple[str, Callable[..., object]]]:
+    for name in isobrick.__all__:
+        member = getattr(isobrick, name)
+        if inspect.isfunction(member):
+            yield name, member
+        elif inspect.isclass(member):
+            for key, method in vars(member).items():
+                if not key.startswith("_") and inspect.isfunction(method):
+                    yield f"{name}.{key}", method
+
+
+@pytest.mark.parametrize("name, call", list(public_calls()), ids=lambda one: one if isinstance(one, str) else "")
+def test_docstrings_name_every_parameter(name: str, call: Callable[..., object]) -> None:
+    docstring = inspect.getdoc(call) or ""
+    assert docstring, f"{name} has no docstring"
+    wanted = {one for one in inspect.signature(call).parameters if one != "self"}
+    assert set(parameters_of(docstring)) == wanted

@@ -746,6 +746,20 @@ TEST_F(CliTest, SpacingAndOriginAreGivenByHand) {
   expectFailure(1, {"build", "own.nrrd", "--select", "series=1"}, "no folder of DICOM series");
 }
 
+TEST_F(CliTest, NoMessageShowsTheValueOfAVariable) {
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"info", "a.isb", "env:SECRET"},
+        {"env:SECRET"},
+        {"extract", "--threads", "env:SECRET"}}) {
+    std::vector<std::string> all{"/usr/bin/env", "SECRET=https://a/?key=9", isobrickCommand()};
+    all.insert(all.end(), words.begin(), words.end());
+    const Outcome outcome = wait(start(all));
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_EQ(outcome.err.find("key=9"), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("env:SECRET"), std::string::npos) << outcome.err;
+  }
+}
+
 TEST_F(CliTest, AMeshNeverReplacesItsPyramidNorWritesThroughALink) {
   runWell({"phantom", "sphere", "--voxels", "16", "-o", "sphere.nrrd"});
   runWell({"build", "sphere.nrrd", "-o", "sphere.ply"});

@@ -378,6 +378,41 @@ TEST_F(ViewCommandTest, VolumesAreOpenedOneAfterTheOther) {
   EXPECT_GT(fs::file_size(path("nothing.png")), 100u);
 }
 
+// They are listed: the keyboard or the mouse chooses one, and a script that does not is refused.
+TEST_F(ViewCommandTest, OneOfSeveralSeriesIsChosenInTheWindow) {
+  fs::create_directory(path("scans"));
+  for (int series = 1; series <= 2; ++series)
+    for (int k = 1; k <= 16; ++k) {
+      DicomSliceFile slice;
+      slice.columns = 16 + 8 * (series - 1);
+      slice.rows = 16;
+      for (std::int64_t i = 0; i < slice.columns * slice.rows; ++i)
+        slice.pixels.push_back(static_cast<std::int16_t>(i % slice.columns * 50));
+      slice.position.z = k;
+      slice.instance = k;
+      slice.series_uid = "1.2.3." + std::to_string(series);
+      writeDicomSlice(path("scans/" + std::to_string(100 * series + k)), slice);
+    }
+  const auto centerAfter = [&](const std::string& steps) {
+    write("choose.json", R"({"size": [640, 400], "steps": [{"wait": "settled"}, )" + steps +
+                             R"( {"wait": "settled"}, {"state": "chosen.json"}]})");
+    runWell({"view", "scans", "--offscreen", "--script", "choose.json", "--force"});
+    return Json::parse(readBytes(path("chosen.json")))["focus"]["center"][0];
+  };
+  EXPECT_EQ(centerAfter(R"({"key": "DOWN"}, {"key": "ENTER"},)"), 11.5);
+  EXPECT_EQ(centerAfter(R"({"key": "DOWN"}, {"key": "UP"}, {"key": "ENTER"},)"), 7.5);
+  EXPECT_EQ(centerAfter(R"({"move": [200, 140]}, {"press": "left"}, {"release": "left"},)"), 11.5);
+  for (const char* const steps :
+       {R"({"frame": "list.png"}, {"wait": 0.1})", R"({"state": "no.json"})"}) {
+    write("none.json",
+          R"({"size": [640, 400], "steps": [{"wait": "settled"}, )" + std::string(steps) + "]}");
+    const Outcome outcome = run({"view", "scans", "--offscreen", "--script", "none.json"});
+    checkFailure(outcome, 1, "it holds 2 DICOM series");
+    checkFailure(outcome, 1, "--select series=NUMBER");
+  }
+  EXPECT_GT(fs::file_size(path("list.png")), 1000u);
+}
+
 // While it is built a volume is shown by a preview, of which nothing is left; a folder of a process
 // that was killed goes as well.
 TEST_F(ViewCommandTest, AVolumeIsShownWhileItIsBuilt) {

@@ -71,7 +71,6 @@ void takeNoteOfPyramid(const BuildOptions& options, BuiltVolume& built) {
 // Before a pyramid of a volume of so many bytes comes into the cache, which may lie in a home
 // folder with a quota.
 void warnOfFullCache(const std::string& folder, std::uint64_t bytes) {
-  constexpr std::uint64_t kManyBytes = 8'000'000'000;
   const auto warn = [&](const std::string& what) {
     fmt::print(stderr,
                "{}the cache in '{}' {}; choose another folder with XDG_CACHE_HOME, bound it "
@@ -86,7 +85,7 @@ void warnOfFullCache(const std::string& folder, std::uint64_t bytes) {
   if (free < disk.capacity / 10)
     warn(fmt::format("leaves {} of the disk's {} free with this pyramid", byteSizeText(free),
                      byteSizeText(disk.capacity)));
-  else if (held > kManyBytes && std::getenv("ISOBRICK_CACHE_SIZE") == nullptr)
+  else if (held > kManyCachedBytes && std::getenv("ISOBRICK_CACHE_SIZE") == nullptr)
     warn(fmt::format("takes up to {} with this pyramid", byteSizeText(held)));
 }
 
@@ -215,7 +214,14 @@ std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
   };
   if (const auto phantom = phantomOf(input.path))
     return viewAsGiven(makePhantomSource(*phantom), options);
-  return openVolume(input.path, options);
+  try {
+    return openVolume(input.path, options);
+  } catch (const SeveralSeries& refusal) {
+    if (shown.style == ProgressStyle::kLines)
+      for (const auto& [name, text] : refusal.series)
+        fmt::print(stderr, "choice series={} {}\n", oneLine(name), oneLine(text));
+    throw;
+  }
 }
 
 BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const std::string& output,

@@ -84,6 +84,18 @@ VoxelSample sampleVoxels(VolumeSource& source) {
   return sample;
 }
 
+Json jsonOfChannels(const VolumeInfo& info) {
+  Json channels = Json::array();
+  for (std::int64_t number = 0; number < std::min(info.channel.count, kMostChannels); ++number) {
+    Json& channel = channels.emplace_back(Json{{"name", ""}, {"color", nullptr}});
+    if (number >= std::ssize(info.named_channels)) continue;
+    const VolumeChannel& named = info.named_channels[static_cast<std::size_t>(number)];
+    channel["name"] = named.name;
+    if (named.color) channel["color"] = hexColorText(*named.color);
+  }
+  return channels;
+}
+
 }  // namespace
 
 std::string codecOptionName(format::Codec codec) {
@@ -114,6 +126,8 @@ Json jsonOfBuilt(const BuildJob& job, const BuiltVolume& built, const BuildSetti
   json["skipped"] = built.skipped;
   json["dimensions"] = jsonOf(built.volume.voxels);
   json["voxel_type"] = voxelTypeName(built.volume.voxel_type);
+  json["time_steps"] = built.volume.time_step.count;
+  json["channels"] = jsonOfChannels(built.volume);
   json["levels"] = built.levels;
   json["bricks"] = built.bricks;
   json["bricks_resumed"] = built.report.bricks_resumed;
@@ -179,14 +193,7 @@ Json factsOfVolume(VolumeSource& source, const BuildOptions& options) {
   json["format"] = info.format;
   putGrid(info.voxels, info.voxel_type, info.geometry, json);
   json["time_steps"] = info.time_step.count;
-  json["channels"] = Json::array();
-  for (std::int64_t number = 0; number < std::min(info.channel.count, kMostChannels); ++number) {
-    Json& channel = json["channels"].emplace_back(Json{{"name", ""}, {"color", nullptr}});
-    if (number >= std::ssize(info.named_channels)) continue;
-    const VolumeChannel& named = info.named_channels[static_cast<std::size_t>(number)];
-    channel["name"] = named.name;
-    if (named.color) channel["color"] = hexColorText(*named.color);
-  }
+  json["channels"] = jsonOfChannels(info);
   json["value_range"] = nullptr;
   const auto valueOf = [&](double stored) {
     return info.values.offset + info.values.scale * stored;

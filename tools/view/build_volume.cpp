@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <csignal>
@@ -18,8 +19,13 @@
 namespace isobrick {
 namespace {
 
-// "progress 0.612 bricks", "preview 4 512 512 234 /dev/shm/1.isb"
-void tellLine(std::string_view line, const BuildListener& listener) {
+// Volumes in the input, of which --select takes one.
+struct OfferedVolumes {
+  std::vector<std::string> words, texts;
+};
+
+// "progress 0.612 bricks", "preview 4 512 512 234 /dev/shm/1.isb", "choice series=1.2.3 2 'Head'"
+void tellLine(std::string_view line, const BuildListener& listener, OfferedVolumes& offered) {
   if (takeWord(line, "progress")) {
     double share = 0.0;
     if (takeNumber(line, share)) listener.progress(line, share);
@@ -28,6 +34,9 @@ void tellLine(std::string_view line, const BuildListener& listener) {
     if (takeNumber(line, of.step) && takeNumber(line, of.voxels.x) &&
         takeNumber(line, of.voxels.y) && takeNumber(line, of.voxels.z))
       listener.preview(std::string(line), of);
+  } else if (takeWord(line, "choice")) {
+    offered.words.push_back("--select=" + std::string(line.substr(0, line.find(' '))));
+    offered.texts.emplace_back(line.substr(std::min(line.size(), line.find(' ') + 1)));
   }
 }
 
@@ -36,9 +45,10 @@ void tellLine(std::string_view line, const BuildListener& listener) {
 VolumeBuilder volumeBuilder(ViewBuildOptions options) {
   return [options = std::move(options)](const std::string& volume, const BuildListener& listener,
                                         const CancelFlag& cancel) {
+    OfferedVolumes offered;
     VolumeBuild build{options.input.cache_folder,
                       {"--threads", std::to_string(options.threads)},
-                      [&](std::string_view line) { tellLine(line, listener); }};
+                      [&](std::string_view line) { tellLine(line, listener, offered); }};
     const auto add = [&](const std::vector<std::string>& words) {
       build.words.insert(build.words.end(), words.begin(), words.end());
     };
@@ -48,6 +58,12 @@ VolumeBuilder volumeBuilder(ViewBuildOptions options) {
       add({"--preview-folder", previews.path()});
       if (options.preview_share)
         add({"--preview-share", fmt::format("{}", *options.preview_share)});
+    }
+    try {
+      return pyramidOfVolume(volume, build, cancel);
+    } catch (const Error& refusal) {
+      if (offered.texts.empty()) throw;
+      add({offered.words.at(listener.choose(refusal.what(), offered.texts))});
     }
     return pyramidOfVolume(volume, build, cancel);
   };

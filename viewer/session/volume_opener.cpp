@@ -1,6 +1,8 @@
 #include "isobrick/viewer/session/volume_opener.h"
 
 #include <algorithm>
+#include <chrono>
+#include <thread>
 #include <utility>
 
 #include "isobrick/storage/abandonable.h"
@@ -44,6 +46,32 @@ void VolumeOpener::cancel() {
   preview_.reset();
 }
 
+void VolumeOpener::choose(std::size_t number) {
+  const std::lock_guard lock(mutex_);
+  if (number >= progress_.choices.size()) return;
+  chosen_ = number;
+  progress_.choices.clear();
+}
+
+std::size_t VolumeOpener::waitForChoice(const std::string& refusal,
+                                        const std::vector<std::string>& choices,
+                                        const CancelFlag& cancel) {
+  constexpr std::chrono::milliseconds kLook{20};
+  std::unique_lock lock(mutex_);
+  chosen_.reset();
+  progress_.choices = choices;
+  progress_.refusal = refusal;
+  progress_.phase.clear();
+  while (!chosen_ && !cancel.requested()) {
+    lock.unlock();
+    std::this_thread::sleep_for(kLook);
+    lock.lock();
+  }
+  progress_.choices.clear();
+  cancel.check();
+  return *chosen_;
+}
+
 std::optional<VolumeOpener::Outcome> VolumeOpener::poll() {
   auto outcome = worker_.poll();
   if (!outcome) return std::nullopt;
@@ -71,8 +99,12 @@ OpenedVolume VolumeOpener::work(const std::string& source, const CancelFlag& can
   const auto take = [&](const std::string& path, const PreviewOf& preview_of) {
     takeIn(path, preview_of, source, cancel);
   };
+  const auto choose = [&](const std::string& refusal, const std::vector<std::string>& choices) {
+    return waitForChoice(refusal, choices, cancel);
+  };
   tell("", 0.0);
-  const std::string path = isPyramidFile(source) ? source : build_(source, {tell, take}, cancel);
+  const std::string path =
+      isPyramidFile(source) ? source : build_(source, {tell, take, choose}, cancel);
   tell("", 1.0);
   cancel.check();
   OpenedVolume opened = openPyramid(path, memory_bytes_, remote_, &cancel);

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/grid.h"
@@ -30,6 +31,10 @@ struct BuildListener {
   // A pyramid of the slices read so far; the file may be removed, and is not needed when this
   // returns.
   std::function<void(const std::string& path, const PreviewOf&)> preview;
+  // The input holds several volumes, a line each, and none is chosen, as `refusal` says: waits for
+  // the user and returns the number of one. Throws Cancelled.
+  std::function<std::size_t(const std::string& refusal, const std::vector<std::string>& volumes)>
+      choose;
 };
 // Makes a pyramid of a volume, unless there is a current one, and returns its path. Throws Error
 // for a path that is no volume, and Cancelled.
@@ -63,9 +68,11 @@ class VolumeOpener {
   };
   struct Status {
     bool busy = false;
-    std::string source;  // the path that is being opened
-    std::string phase;   // of its build; empty: it is only opened
-    double share = 0.0;  // of the phase
+    std::string source;                     // the path that is being opened
+    std::string phase;                      // of its build; empty: it is only opened
+    double share = 0.0;                     // of the phase
+    std::vector<std::string> choices = {};  // volumes in it that wait for choose(), a line each
+    std::string refusal = {};               // why the opening ends without a choice
   };
 
   // `build` is called on a thread of the opener.
@@ -74,22 +81,26 @@ class VolumeOpener {
   // A path, or another name that `build` takes.
   void open(const std::string& source);
   void cancel();
-  std::optional<Outcome> poll();  // each once
+  void choose(std::size_t number);  // one of Status::choices
+  std::optional<Outcome> poll();    // each once
   // The last preview of the volume that is being opened, once.
   std::optional<OpenedVolume> takePreview();
   Status status() const;
 
  private:
   OpenedVolume work(const std::string& source, const CancelFlag& cancel);
+  std::size_t waitForChoice(const std::string& refusal, const std::vector<std::string>& choices,
+                            const CancelFlag& cancel);
   void takeIn(const std::string& path, const PreviewOf& preview_of, const std::string& source,
               const CancelFlag& cancel);
 
   const VolumeBuilder build_;
   const std::uint64_t memory_bytes_;
   const RemoteOptions remote_;
-  mutable std::mutex mutex_;  // guards progress_ and preview_
+  mutable std::mutex mutex_;  // guards the next three
   Status progress_;
   std::optional<OpenedVolume> preview_;
+  std::optional<std::size_t> chosen_;
   LatestWorker<std::string, OpenedVolume> worker_;  // last: its thread uses the above
 };
 

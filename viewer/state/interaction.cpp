@@ -17,6 +17,7 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   if (more.measure_at) wishes.measure_at = more.measure_at;
   if (more.piece_at) wishes.piece_at = more.piece_at;
   if (more.open) wishes.open = more.open;
+  if (more.choose) wishes.choose = more.choose;
   if (more.answer) wishes.answer = more.answer;
   if (more.save_named_view) wishes.save_named_view = more.save_named_view;
   if (more.show_named_view) wishes.show_named_view = more.show_named_view;

@@ -35,10 +35,11 @@ struct Wishes {
   bool export_mesh = false;
   bool export_measurements = false;
   bool close = false;
-  bool browse = false;              // the list of files to open, on and off
-  bool stop_opening = false;        // cancels the opening under way, or its message
-  std::optional<std::string> open;  // this path
-  std::optional<bool> answer;       // to a question (session/wish_guard.h)
+  bool browse = false;                // the list of files to open, on and off
+  bool stop_opening = false;          // cancels the opening under way, or its message
+  std::optional<std::string> open;    // this path
+  std::optional<std::size_t> choose;  // of the volumes in what is being opened
+  std::optional<bool> answer;         // to a question (session/wish_guard.h)
 };
 
 void addWishes(const Wishes& more, Wishes& wishes);

@@ -14,13 +14,24 @@ namespace {
 namespace fs = std::filesystem;
 
 // A line to choose, shown literally: ImGui takes "##" in a label for a mark of its own.
-bool chooses(int id, const std::string& shown) {
+bool chooses(int id, const std::string& shown, bool is_marked = false) {
   ImGui::PushID(id);
-  const bool chosen = ImGui::Selectable("##line");
+  const bool chosen = ImGui::Selectable("##line", is_marked);
   ImGui::SameLine(0.0f, 0.0f);
   ImGui::TextUnformatted(shown.c_str(), shown.c_str() + shown.size());
   ImGui::PopID();
   return chosen;
+}
+
+// A window in the middle of the screen, at most as large as that.
+void placeInMiddle(double scale, float width, float height) {
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  const auto pixels = static_cast<float>(scale);
+  ImGui::SetNextWindowPos({0.5f * screen.x, 0.5f * screen.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
+  ImGui::SetNextWindowSize(
+      {std::min(pixels * width, screen.x), std::min(pixels * height, screen.y)},
+      ImGuiCond_Appearing);
+  ImGui::SetNextWindowBgAlpha(0.96f);
 }
 
 }  // namespace
@@ -78,12 +89,7 @@ Wishes OpenPanel::build(double scale, const std::vector<std::string>& recent) {
   Wishes wishes;
   if (!visible) return wishes;
   takeListing();
-  const ImVec2 screen = ImGui::GetIO().DisplaySize;
-  const auto scaled = [&](float length) { return length * static_cast<float>(scale); };
-  ImGui::SetNextWindowPos({0.5f * screen.x, 0.5f * screen.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
-  ImGui::SetNextWindowSize({std::min(scaled(560.0f), screen.x), std::min(scaled(420.0f), screen.y)},
-                           ImGuiCond_Appearing);
-  ImGui::SetNextWindowBgAlpha(0.96f);
+  placeInMiddle(scale, 560.0f, 420.0f);
   if (ImGui::Begin("open a volume", &visible, ImGuiWindowFlags_NoCollapse)) {
     if (!recent.empty() && ImGui::CollapsingHeader("opened last", ImGuiTreeNodeFlags_DefaultOpen)) {
       for (std::size_t i = 0; i < recent.size(); ++i)
@@ -92,7 +98,7 @@ Wishes OpenPanel::build(double scale, const std::vector<std::string>& recent) {
     addWishes(entries(0.0f), wishes);
     std::array<char, 4096> text{};
     typed_.copy(text.data(), text.size() - 1);
-    ImGui::SetNextItemWidth(-scaled(60.0f));
+    ImGui::SetNextItemWidth(-60.0f * static_cast<float>(scale));
     const bool entered =
         ImGui::InputTextWithHint("##path", "a path, or phantom:head:256", text.data(), text.size(),
                                  ImGuiInputTextFlags_EnterReturnsTrue);
@@ -102,6 +108,31 @@ Wishes OpenPanel::build(double scale, const std::vector<std::string>& recent) {
   }
   ImGui::End();
   if (wishes.open) visible = false;
+  return wishes;
+}
+
+Wishes ChoicePanel::build(const VolumeOpener::Status& opening, double scale) {
+  Wishes wishes;
+  const int count = static_cast<int>(opening.choices.size());
+  if (count == 0) return wishes;
+  placeInMiddle(scale, 560.0f, 240.0f);
+  if (ImGui::Begin("several volumes: choose one (arrows and Enter, or a click)", nullptr,
+                   ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoNav)) {
+    // Keys that were pressed before it was shown choose nothing.
+    const bool appears = ImGui::IsWindowAppearing();
+    const auto hears = [&](ImGuiKey key) { return !appears && isPanelKeyPressed(key); };
+    if (appears) at_ = 0;
+    const int step = (hears(ImGuiKey_DownArrow) ? 1 : 0) - (hears(ImGuiKey_UpArrow) ? 1 : 0);
+    at_ = std::clamp(at_ + step, 0, count - 1);
+    for (int i = 0; i < count; ++i) {
+      const std::string& line = opening.choices[static_cast<std::size_t>(i)];
+      if (chooses(i, shownName(line), i == at_)) wishes.choose = static_cast<std::size_t>(i);
+      if (i == at_ && step != 0) ImGui::SetScrollHereY();
+    }
+    if (hears(ImGuiKey_Enter)) wishes.choose = static_cast<std::size_t>(at_);
+    wishes.stop_opening = hears(ImGuiKey_Escape);
+  }
+  ImGui::End();
   return wishes;
 }
 

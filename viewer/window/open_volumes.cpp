@@ -158,6 +158,7 @@ void OpenVolumes::grant(const Wishes& wishes, const glm::dvec2& size) {
     opener_.cancel();
     giveUpPreview(size);
   }
+  if (wishes.choose) opener_.choose(*wishes.choose);
   if (wishes.open) opener_.open(*wishes.open);
 }
 

@@ -43,13 +43,15 @@ class OpenVolumes {
   bool settled() const {
     const bool plays = next_step_ && showsStep() && session()->interaction().playing;
     if (plays) return session()->settled() && session()->state().step == *opened()->step;
-    return !busy() && !outcome_ && show_.settled() && !goesOnInTime();
+    return (!busy() || asks()) && !outcome_ && show_.settled() && !goesOnInTime();
   }
   // Another step than the shown one is chosen, or they play.
   bool goesOnInTime() const;
   // Of time, of which one is shown; 0: there are none.
   int steps() const { return showsStep() ? steps_.count() : 0; }
   bool busy() const { return opener_.status().busy; }
+  // The user is to choose from several volumes in what is being opened.
+  bool asks() const { return !opener_.status().choices.empty(); }
 
   // Nothing of steps that play: they are opened all the time.
   VolumeOpener::Status status() const {

@@ -161,6 +161,7 @@ class ViewLoop {
     }
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     input_.add(scripted.events);
+    refuseUnchosen(scripted);
     try {
       if (scripted.lose_context || target_->renderer().isLost()) renewContext();
       showFrame(begin, scripted);
@@ -171,6 +172,14 @@ class ViewLoop {
     }
     const bool ends = player_ && scripted.finished && !file_again_ && unwritten() == 0;
     closing_ = closing_ || ends;
+  }
+
+  // A script that goes on without a volume, since it chooses none of several.
+  void refuseUnchosen(const ScriptFrame& scripted) const {
+    const bool needs_volume =
+        scripted.file ? scripted.file->what != ScriptFile::What::kFrame : scripted.finished;
+    if (player_ && session() == nullptr && needs_volume && volumes_.asks())
+      throw Error(volumes_.status().refusal);
   }
 
   void showFrame(double begin, const ScriptFrame& scripted) {

@@ -157,8 +157,9 @@ Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts, const Win
   if (session != nullptr && session->interaction().show_panel) wishes = panel(*session, facts);
   addWishes(status_.build(session, facts, scale, hovers), wishes);
   addWishes(open_panel_.build(scale_, facts.recent), wishes);
+  addWishes(choice_panel_.build(facts.opening, scale_), wishes);
   addWishes(buildQuestion(facts.question), wishes);
-  asks_ = facts.question.has_value();
+  asks_ = facts.question || !facts.opening.choices.empty();
   if (session != nullptr) buildOverlay(*session, scale, hovers, areas.scene);
   return wishes;
 }

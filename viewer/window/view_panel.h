@@ -109,6 +109,16 @@ class OpenPanel {
   LatestWorker<std::string, FolderListing> lister_;
 };
 
+// Lists the volumes in what is being opened, to choose one with the mouse, or with the arrow keys
+// and Enter; Esc opens none.
+class ChoicePanel {
+ public:
+  Wishes build(const VolumeOpener::Status& opening, double scale);
+
+ private:
+  int at_ = 0;  // the marked line
+};
+
 // Builds the part of the panel with the named views of the volume.
 class ViewsPanel {
  public:
@@ -215,13 +225,14 @@ class ViewPanel {
 
   double scale_;
   double still_seconds_ = 0.0;  // of the mouse (panel_tools.h)
-  bool asks_ = false;           // a question, in the last frame
+  bool asks_ = false;           // a question or a choice, in the last frame
   Clipboard& clipboard_;
   std::string pasted_;  // for ImGui, until the next call
   // Of this frame: ImGui looks at keys once in a frame, so a tap is shown to it in two of them.
   std::vector<Key> pressed_, released_;
   StatusPanel status_;
   OpenPanel open_panel_;
+  ChoicePanel choice_panel_;
   ViewsPanel views_panel_;
   SlicesPanel slices_panel_;
 };

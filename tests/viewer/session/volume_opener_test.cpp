@@ -73,6 +73,33 @@ TEST_F(VolumeOpenerTest, AVolumeIsBuiltWithProgress) {
   EXPECT_EQ(outcome.volume->pyramid, path_);
 }
 
+TEST_F(VolumeOpenerTest, TheUserChoosesFromSeveralVolumes) {
+  const std::vector<std::string> choices{"1 'overview'", "2 'thin slices'"};
+  std::atomic<std::size_t> chosen{99};
+  VolumeOpener opener(
+      [&](const std::string&, const BuildListener& listener, const CancelFlag&) {
+        chosen = listener.choose("it holds 2 series", choices);
+        return path_;
+      },
+      1 << 20);
+  opener.open("scans");
+  while (opener.status().choices.empty()) std::this_thread::yield();
+  EXPECT_EQ(opener.status().choices, choices);
+  EXPECT_EQ(opener.status().refusal, "it holds 2 series");
+  opener.choose(2);  // there is none
+  opener.choose(1);
+  EXPECT_TRUE(outcomeOf(opener).volume);
+  EXPECT_EQ(chosen, 1u);
+  EXPECT_TRUE(opener.status().choices.empty());
+
+  opener.open("scans");
+  while (opener.status().choices.empty()) std::this_thread::yield();
+  opener.cancel();
+  while (opener.status().busy) std::this_thread::yield();
+  EXPECT_FALSE(opener.poll());
+  EXPECT_TRUE(opener.status().choices.empty());
+}
+
 TEST_F(VolumeOpenerTest, WhatFailsIsToldAndTheNextGoesOn) {
   VolumeOpener opener(
       [](const auto&, const auto&, const auto&) -> std::string { throw Error("no volume"); },
