@@ -7,6 +7,7 @@
 #include <string_view>
 #include <variant>
 
+#include "isobrick/viewer/serve/asked.h"
 #include "isobrick/viewer/state/view_state.h"
 
 namespace isobrick {
@@ -21,6 +22,11 @@ struct ClientWish {
   // Of all that the client keeps; none: no bound.
   std::optional<std::uint64_t> most_triangles = {}, most_bytes = {};
 };
+
+// The words of a wish, and of a surface's file, that say what of the volume counts: 'inside', and
+// 'clip' and 'sphere', in voxel indices.
+InsideOf askedInside(const Asked& asked);
+ViewRegion askedRegion(const Asked& asked);
 
 // A pass is on the client's screen.
 struct ClientShown {
