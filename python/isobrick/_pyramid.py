@@ -520,13 +520,16 @@ def open(
     cache_size: int | str = 0,
     spacing: Triple | None = None,
     select: Mapping[str, Any] | None = None,
+    label: int | None = None,
+    denoise: float = 0.0,
 ) -> Pyramid:
     """Opens the pyramid ``path`` (``.isb``). Reads no brick, so it takes as long for any size.
 
     A volume of any format of ``build``, a folder of DICOM or OME-Zarr behind a URL becomes a pyramid in
     ``cache_folder`` first, by the command, which the wheel has, and is found there again; ``spacing`` is then (x, y, z)
     in place of what the file says, and ``select`` chooses from several volumes: ``{"series": 2, "time": 0}``. All
-    channels are ``open_each``.
+    channels are ``open_each``. ``label`` and ``denoise`` open the volume, or the pyramid, that ``build`` makes with
+    them.
 
     Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
     stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
@@ -535,15 +538,21 @@ def open(
     ("4G") keeps parts of it on disk, in ``cache_folder`` or the folder that ``isobrick cache`` lists; by default none stay.
     """
     name = _whole_path(os.fspath(path))
+    is_derived = label is not None or denoise != 0
     if not _is_volume(name):
         if spacing is not None or select is not None:
             raise ArgumentError("spacing and select say how to read a volume; give them to build()")
-        return Pyramid(name, memory, mmap, cache_folder, cache_size)
-    from ._by_command import pyramid_of_volume
+        if not is_derived:
+            return Pyramid(name, memory, mmap, cache_folder, cache_size)
+    from ._by_command import run_command
 
     folder = os.path.abspath(os.fspath(cache_folder or _default_cache_folder()))
     most = None if cache_folder else 8_000_000_000  # as of the command: the home folder is small
-    return Pyramid(pyramid_of_volume(name, byte_size(memory), folder, most, spacing, select), memory, mmap)
+    options = {
+        "into_cache": folder, "cache_most": most, "memory": byte_size(memory), "spacing": spacing, "select": select,
+        "label": label, "denoise": denoise or None,
+    }  # fmt: skip
+    return Pyramid(run_command("build", [name], options)["output"], memory, mmap)
 
 
 def open_each(
