@@ -149,7 +149,7 @@ AttributeFields::AttributeFields(const std::vector<AttributeOptions>& options,
 }
 
 const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options,
-                                             const QueryOptions& query, const Pyramid& pyramid,
+                                             const QueryOptions& query, const Pyramid* pyramid,
                                              Extractor* extractor) {
   std::string what;
   if (options.kind == AttributeKind::kThickness)
@@ -161,8 +161,8 @@ const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options,
   std::unique_ptr<const VertexValues>& field = fields_[what];
   if (field == nullptr && options.kind == AttributeKind::kThickness) {
     field = std::make_unique<WallThickness>(
-        pyramid, query.isovalue, options.limit.value_or(std::numeric_limits<double>::infinity()),
-        insideOf(query, pyramid));
+        *pyramid, query.isovalue, options.limit.value_or(std::numeric_limits<double>::infinity()),
+        insideOf(query, *pyramid));
   } else if (field == nullptr) {
     Query other;
     other.isovalue = *options.limit;
@@ -174,7 +174,7 @@ const VertexValues* AttributeFields::fieldOf(const AttributeOptions& options,
   return field.get();
 }
 
-SurfaceAttributes AttributeFields::of(const QueryOptions& query, const Pyramid& pyramid,
+SurfaceAttributes AttributeFields::of(const QueryOptions& query, const Pyramid* pyramid,
                                       Extractor* extractor) {
   SurfaceAttributes surface;
   for (std::size_t i = 0; i < options_.size(); ++i) {

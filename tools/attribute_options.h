@@ -64,13 +64,13 @@ class AttributeFields {
   AttributeFields(const std::vector<AttributeOptions>& options, const ColoringOptions& coloring,
                   std::uint64_t memory_bytes, bool no_map, const RemoteOptions& remote);
 
-  // Of the surface at query.isovalue, with query.inside. `extractor`: of its pyramid; null if none
-  // isOfSurface().
-  SurfaceAttributes of(const QueryOptions& query, const Pyramid& pyramid, Extractor* extractor);
+  // Of the surface at query.isovalue, with query.inside, of a pyramid and its extractor; both may
+  // be null if none isOfSurface().
+  SurfaceAttributes of(const QueryOptions& query, const Pyramid* pyramid, Extractor* extractor);
 
  private:
   const VertexValues* fieldOf(const AttributeOptions& options, const QueryOptions& query,
-                              const Pyramid& pyramid, Extractor* extractor);
+                              const Pyramid* pyramid, Extractor* extractor);
   VertexColors colorsOf(const SurfaceAttributes& attributes) const;
 
   const std::vector<AttributeOptions>& options_;

@@ -42,7 +42,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
                          Extractor& extractor, AttributeFields& fields, const std::string& output,
                          std::unique_ptr<MeshFileSink> sink_of_all) {
   ProgressBar bar(0, "million triangles");
-  ExtractedSurface surface(arguments, pyramid, fields.of(arguments.query, pyramid, &extractor),
+  ExtractedSurface surface(arguments, pyramid, fields.of(arguments.query, &pyramid, &extractor),
                            output, bar);
   if (sink_of_all) surface.writeTo(std::move(sink_of_all));
   Query& query = surface.query();
@@ -231,7 +231,8 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
          {"--attribute", "--space", "--unit", "--shift", "--together", "--zlib", "--meshopt"})
       if (findOption(command, option)->count() > 0)
         throw UsageError(fmt::format(
-            "{} does not go with a share of a mesh, {}; leave it out, or write another format",
+            "{} does not go with a share of a mesh, {}; 'isobrick merge' may have it, or write "
+            "another format",
             option, kMeshShareEnding));
   const std::string collection = takeCollection(arguments);
   std::vector<ExtractArguments> all = argumentsOfFiles(arguments);

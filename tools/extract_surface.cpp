@@ -87,7 +87,7 @@ MeshCollection* collectionOf(ExtractArguments& arguments, const Pyramid& pyramid
     throw UsageError(
         "--together goes with attributes that are the same field for all surfaces; leave out "
         "thickness and distance, or --together");
-  const auto attributes = fields.of(arguments.query, pyramid, nullptr);
+  const auto attributes = fields.of(arguments.query, &pyramid, nullptr);
   const auto make = arguments.label ? makeLabelCollection : makeMeshCollection;
   arguments.collection = make(arguments.output, fileOptionsOf(arguments, pyramid, attributes));
   return arguments.collection.get();

@@ -11,6 +11,7 @@
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
+#include "tools/attribute_options.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/interrupt.h"
@@ -28,7 +29,9 @@ namespace {
 
 struct MergeArguments : MeshOptions {
   std::vector<std::string> shares;
-  std::uint64_t memory_bytes = kDefaultMemoryBytes;  // of a pyramid
+  std::vector<AttributeOptions> attributes;
+  ColoringOptions coloring;
+  std::uint64_t memory_bytes = kDefaultMemoryBytes;  // of pyramids
   int threads = allCores();
 };
 
@@ -49,15 +52,37 @@ int runJoin(const CLI::App& command, const MergeArguments& arguments) {
                        arguments.json);
 }
 
-int runMerge(const CLI::App& command, const MergeArguments& arguments) {
+// Refuses those of which a mesh alone does not tell the values.
+void findAttributes(MergeArguments& arguments) {
+  for (AttributeOptions& attribute : arguments.attributes) {
+    if (attribute.isOfSurface() || attribute.kind == AttributeOptions::Kind::kComponent)
+      throw UsageError(fmt::format(
+          "--attribute {} needs the volume of the surface; 'isobrick extract' writes it in one run",
+          attribute.name));
+    if (attribute.isOfPyramid())
+      findPyramid(attribute.input, arguments.threads, arguments.memory_bytes);
+  }
+}
+
+int runMerge(const CLI::App& command, MergeArguments& arguments) {
   if (std::ranges::any_of(arguments.shares, isDividedName)) return runJoin(command, arguments);
-  if (command.count("--memory") > 0)
-    throw UsageError("--memory is for a pyramid of many files (.isbs); leave it out");
+  if (command.count("--memory") > 0 && arguments.attributes.empty())
+    throw UsageError(
+        "--memory is for a pyramid of many files (.isbs), and for --attribute; leave it out");
   const Stopwatch watch;
   const std::string& output = arguments.output;
-  if (!output.empty()) refuseReplacing({output}, arguments.shares, arguments.force);
-  const auto file_sink =
-      output.empty() ? nullptr : makeMeshFileSink(output, meshFileOptions(arguments));
+  std::vector<std::string> inputs = arguments.shares;
+  for (const AttributeOptions& attribute : arguments.attributes)
+    inputs.push_back(attribute.input.path);
+  if (!output.empty()) refuseReplacing({output}, inputs, arguments.force);
+  findAttributes(arguments);
+  AttributeFields fields(arguments.attributes, arguments.coloring, arguments.memory_bytes, false,
+                         {});
+  SurfaceAttributes attributes = fields.of({}, nullptr, nullptr);
+  MeshFileOptions file_options = meshFileOptions(arguments);
+  file_options.attributes = std::move(attributes.attributes);
+  file_options.colors = attributes.colors;
+  const auto file_sink = output.empty() ? nullptr : makeMeshFileSink(output, file_options);
   CountingSink counting_sink;
   TriangleSink& plain_sink = file_sink ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
   MeshCheck check(plain_sink);
@@ -100,10 +125,16 @@ Command addMergeCommand(CLI::App& app) {
                   "(.isbs), which "
                   "is checked and gets its index, and no output")
       ->required();
-  addMeshOptions(*sub, *arguments,
-                 "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, the same bytes as "
-                 "'extract' writes in one run. Without it the shares are checked and counted",
-                 false);
+  CLI::Option* const output =
+      addMeshOptions(*sub, *arguments,
+                     "Output; a mesh, .ply, .stl, .obj, .glb, .vtp or .3mf, the same bytes as "
+                     "'extract' writes in one run. Without it the shares are checked and counted",
+                     false);
+  addAttributeOptions(*sub, arguments->attributes, arguments->coloring, output);
+  findOption(*sub, "--attribute")
+      ->description(
+          "A number for every vertex of .ply, .vtp and .glb, as 'extract' has it: OTHER, "
+          "nearest:OTHER, or distance:MESH.ply, .stl");
   sub->add_flag("--check", arguments->check,
                 "Report what the mesh is like, as 'extract --check' does");
   addMemoryOption(*sub, arguments->memory_bytes);

@@ -28,6 +28,7 @@
 #include "tools/render/picture_output.h"
 #include "tools/render/picture_surface.h"
 #include "tools/shared_options.h"
+#include "tools/view_region.h"
 
 namespace isobrick {
 namespace {
@@ -157,9 +158,12 @@ int renderStates(RenderArguments& arguments) {
   std::vector<QueryOptions> volumes = queriesOf(arguments);
   for (QueryOptions& volume : volumes) findPyramid(volume);
   std::vector<ViewState> views;
+  ViewRegion region;  // with the masks of all
   for (const std::string& path : arguments.states) {
     const SavedView view = readView(path);
     views.push_back(view.state);
+    const std::vector<ViewMask>& masks = view.state.region.masks;
+    region.masks.insert(region.masks.end(), masks.begin(), masks.end());
     if (volumes.size() > 1) continue;
     for (const std::string& beside : view.beside) {
       volumes.push_back(volumes.front());
@@ -170,15 +174,20 @@ int renderStates(RenderArguments& arguments) {
   if (arguments.pictures > 1 && !arguments.steps)
     views = views.size() == 1 ? turntable(views.front(), arguments.pictures)
                               : viewsAlong(views, arguments.pictures);
+  arguments.query.region = regionOptionsOf(region);
+  findMasks(arguments.query);
   const Stopwatch watch;
   std::uint64_t triangles = 0;
   OffscreenRenderer renderer;
   runWithThreads(arguments.query.threads, [&] {
     const std::uint64_t memory_bytes =
-        arguments.query.memory_bytes / (arguments.steps ? 1 : volumes.size());
+        arguments.query.memory_bytes /
+        ((arguments.steps ? 1 : volumes.size()) + region.masks.size());
+    openMasks(arguments.query, memory_bytes);
     ViewDrawing drawing{arguments.size.width, arguments.size.height, arguments.query.threads,
                         output.format() == ImageFormat::kExr};
     drawing.is_step = arguments.steps;
+    drawing.masks = openMasksOf(arguments.query.region);
     for (std::size_t i = 1; i < volumes.size() && !arguments.steps; ++i)
       drawing.beside.push_back(openPyramid(volumes[i].input.pyramid, memory_bytes,
                                            remoteOptions(volumes[i].input), &interruptFlag(),

@@ -72,13 +72,14 @@ const std::string& OffscreenRenderer::deviceName() const {
 void OffscreenRenderer::drawViews(std::shared_ptr<const Pyramid> pyramid,
                                   std::span<const ViewState> states, const ViewDrawing& drawing,
                                   const CancelFlag& cancel, const TakeRows& take) {
-  const auto& [width, height, threads, layers, beside, is_step] = drawing;
+  const auto& [width, height, threads, layers, beside, is_step, masks] = drawing;
   checkPictureSize(width, height);
   const EglContext::CurrentScope current(context_->egl);
   GlSceneRenderer& renderer = *context_->renderer;
   SessionOptions options{threads, std::numeric_limits<std::uint64_t>::max()};
   options.beside = beside;
   options.is_step = is_step;
+  options.masks = masks;
   ViewSession session(std::move(pyramid), renderer, options);
   session.apply(InputEvent::resized(width, height), 0.0, false);
   double clock = 0.0;  // nothing moves: any clock does
@@ -103,7 +104,7 @@ void OffscreenRenderer::drawViews(std::shared_ptr<const Pyramid> pyramid,
 void OffscreenRenderer::drawSurface(DrawableSurface surface, std::span<const ViewState> states,
                                     const ViewDrawing& drawing, const CancelFlag& cancel,
                                     const TakeRows& take) {
-  const auto& [width, height, threads, layers, beside, is_step] = drawing;
+  const auto& [width, height, threads, layers, beside, is_step, masks] = drawing;
   checkPictureSize(width, height);
   WorldBox bounds = emptyWorldBox();
   surface.forEachVertex([&](const glm::dvec3& point) { bounds.include(point); });

@@ -30,6 +30,7 @@ struct ViewDrawing {
   bool layers = false;
   std::vector<OpenedVolume> beside = {};  // of the views; their volumes 1, 2, ...
   bool is_step = false;                   // the volume is one of several in time
+  OpenMasks masks = {};                   // of the views' regions
 };
 
 // Some rows of the picture of a view, from top to bottom, whose size need not fit into memory.

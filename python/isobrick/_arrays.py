@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
@@ -87,6 +88,8 @@ def describe(source: Any) -> ArrayVolume:
     """The volume of an array-like. Raises Error for what is none."""
     if isinstance(source, ArrayVolume):
         return source
+    if isinstance(source, (str, os.PathLike)):
+        raise ArgumentError(f"'{os.fspath(source)}' is a path and no array; isobrick.open() takes paths")
     if isinstance(source, np.ma.MaskedArray):
         raise ArgumentError("the array is masked; give source.filled(value), with a value for the masked voxels")
     if isinstance(source, np.ndarray):

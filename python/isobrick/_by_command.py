@@ -100,17 +100,6 @@ def run_command(command: str, inputs: Sequence[Source], options: Mapping[str, An
     raise error_of(last, named[1] if named else None)
 
 
-def pyramid_of_volume(
-    path: str, memory_bytes: int, folder: str, most_bytes: int | None, spacing: Any, select: Mapping[str, Any] | None
-) -> str:
-    """The pyramid of a volume in a cache folder, which is built if it is not there, of at most so many bytes."""
-    options = {
-        "into_cache": folder, "cache_most": most_bytes, "memory": memory_bytes, "spacing": spacing, "select": select,
-    }  # fmt: skip
-    built: str = run_command("build", [path], options)["output"]
-    return built
-
-
 def facts_of_volume(path: str, folder: str, select: Mapping[str, Any] | None) -> dict[str, Any]:
     """Its grid, channels and times, whether it has a pyramid, beside it or in the cache, or not. Builds none."""
     answer = run_command("build", [path], {"into_cache": folder, "only_facts": True, "select": select})

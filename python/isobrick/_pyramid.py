@@ -628,6 +628,8 @@ def open(
     cache_size: int | str = 0,
     spacing: Triple | None = None,
     select: Mapping[str, Any] | None = None,
+    label: int | None = None,
+    denoise: float = 0.0,
 ) -> Pyramid:
     """Opens the pyramid ``path`` (``.isb``). Reads no brick, so it takes as long for any size.
 
@@ -651,17 +653,25 @@ def open(
         of a volume, (x, y, z), in place of what the file says
     select
         which volume of several in the file: ``{"series": 2, "time": 0}``
+    label, denoise
+        open the pyramid that ``build`` makes with them, of a volume or a pyramid
     """
     name = _whole_path(os.fspath(path))
+    is_derived = label is not None or denoise != 0
     if not _is_volume(name):
         if spacing is not None or select is not None:
             raise ArgumentError("spacing and select say how to read a volume; give them to build()")
-        return Pyramid(name, memory, mmap, cache_folder, cache_size)
-    from ._by_command import pyramid_of_volume
+        if not is_derived:
+            return Pyramid(name, memory, mmap, cache_folder, cache_size)
+    from ._by_command import run_command
 
     folder = os.path.abspath(os.fspath(cache_folder or _default_cache_folder()))
     most = None if cache_folder else 8_000_000_000  # as of the command: the home folder is small
-    return Pyramid(pyramid_of_volume(name, byte_size(memory), folder, most, spacing, select), memory, mmap)
+    options = {
+        "into_cache": folder, "cache_most": most, "memory": byte_size(memory), "spacing": spacing, "select": select,
+        "label": label, "denoise": denoise or None,
+    }  # fmt: skip
+    return Pyramid(run_command("build", [name], options)["output"], memory, mmap)
 
 
 def open_each(

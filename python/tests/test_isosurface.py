@@ -199,6 +199,13 @@ def test_labels_are_exact_and_smooth(tmp_path):
     isobrick.build(volume, tmp_path / "label.isb", label=7, denoise=1.25)
     isobrick.build(inside, tmp_path / "mask.isb")
     isobrick.build(tmp_path / "mask.isb", tmp_path / "smooth.isb", denoise=1.25)
+    with (
+        isobrick.open(tmp_path / "smooth.isb") as built,
+        isobrick.open(tmp_path / "mask.isb", denoise=1.25, cache_folder=tmp_path / "cache") as opened,
+    ):
+        _same(opened.extract(0.5), built.extract(0.5))
+    with pytest.raises(isobrick.Error, match=r"is a path and no array; isobrick.open\(\)"):
+        isobrick.isosurface(tmp_path / "mask.isb", 0.5)
     for name in ("label.isb", "smooth.isb"):
         with isobrick.open(tmp_path / name) as pyramid:
             _same(smooth, pyramid.extract(0.5))

@@ -53,6 +53,29 @@ TEST_F(MergeCommandTest, SharesBecomeTheMeshOfOneRun) {
   }
 }
 
+TEST_F(MergeCommandTest, AttributesAreThoseOfOneRun) {
+  const Words query = {"extract", "head.isb", "--iso", "900"};
+  runWell({"extract", "head.isb", "--iso", "1290", "-o", "bone.stl"});
+  Words merge = shares(query, 2), whole = query;
+  merge.insert(merge.begin(), "merge");
+  for (const char* word :
+       {"--attribute", "ct=head.nrrd", "--attribute", "nearest:head.isb", "--attribute",
+        "distance:bone.stl", "--color-by", "distance", "--colormap", "inferno:0:9"}) {
+    merge.emplace_back(word);
+    whole.emplace_back(word);
+  }
+  for (const std::string ending : {".ply", ".glb", ".obj"}) {
+    Words merged = merge, extracted = whole;
+    merged.insert(merged.end(), {"-o", "merged" + ending});
+    extracted.insert(extracted.end(), {"-o", "whole" + ending});
+    runWell(merged);
+    runWell(extracted);
+    EXPECT_TRUE(readBytes(path("merged" + ending)) == readBytes(path("whole" + ending))) << ending;
+  }
+  merge.insert(merge.end(), {"--attribute", "thickness", "-o", "x.ply"});
+  expectFailure(2, merge, "--attribute thickness needs the volume");
+}
+
 TEST_F(MergeCommandTest, APartOfAnotherFormatIsOpen) {
   const Json part =
       runForJson({"extract", "head.isb", "--iso", "900", "--part", "1/2", "-o", "part.ply"});

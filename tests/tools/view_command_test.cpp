@@ -96,6 +96,38 @@ TEST_F(ViewCommandTest, ShowsWhatARegionLeaves) {
   EXPECT_EQ(facesOf("cut.ply"), std::to_string(cut["triangles"].get<int>()));
 }
 
+// The volume is its own mask.
+TEST_F(ViewCommandTest, ASavedViewHasItsRegion) {
+  const Words region{"--clip", "1,0,0,20", "--sphere", "20,20,20,14", "--mask", "sphere.isb"};
+  const auto trianglesWith = [&](const Words& words) {
+    Words extract{"extract", "sphere.isb", "--iso", "0"};
+    extract.insert(extract.end(), words.begin(), words.end());
+    return std::to_string(runForJson(extract)["triangles"].get<int>());
+  };
+  write("save.json", R"({"size": [200, 150], "steps": [
+      {"set": {"surfaces": [{"isovalue": 0}], "focus": {"radius": 1000}}}, {"wait": "settled"},
+      {"state": "cut.view.json"}, {"picture": "cut.png"}]})");
+  write("show.json",
+        R"({"size": [200, 150], "steps": [{"wait": "settled"}, {"shown_mesh": "cut.ply"}]})");
+  Words save{"view", "sphere.isb"};
+  save.insert(save.end(), region.begin(), region.end());
+  save.insert(save.end(), {"--offscreen", "--script", "save.json", "--out-dir", "frames"});
+  runWell(save);
+  const Words show{"view",        "sphere.isb", "--state",   "frames/cut.view.json",
+                   "--offscreen", "--script",   "show.json", "--out-dir",
+                   "frames"};
+  runWell(show);
+  EXPECT_EQ(facesOf("cut.ply"), trianglesWith(region));
+  runWell({"render", "sphere.isb", "--state", "frames/cut.view.json", "--size", "200x150", "-o",
+           "drawn.png"});
+  EXPECT_EQ(readBytes(path("drawn.png")), readBytes(path("frames/cut.png")));
+  // Words take its place.
+  Words other = show;
+  other.insert(other.end(), {"--clip", "0,0,1,20", "--force"});
+  runWell(other);
+  EXPECT_EQ(facesOf("cut.ply"), trianglesWith({"--clip", "0,0,1,20"}));
+}
+
 TEST_F(ViewCommandTest, AScriptRunsWithoutAWindow) {
   EXPECT_EQ(runWell({"view", "sphere.isb", "--offscreen", "--script", "script.json", "--out-dir",
                      "frames", "--report", "report.json"}),

@@ -77,7 +77,7 @@ ExtractResults extractFrom(BrickStream& stream, ExtractArguments& arguments,
   for (std::size_t i = 0; i < names.size(); ++i) {
     arguments.query.isovalue = *arguments.query.isovalues[i];
     surfaces.push_back(std::make_unique<ExtractedSurface>(
-        arguments, stream.pyramid(), fields.of(arguments.query, stream.pyramid(), nullptr),
+        arguments, stream.pyramid(), fields.of(arguments.query, &stream.pyramid(), nullptr),
         names[i], bar));
     if (together) surfaces.back()->writeTo(together->add(objectOf(arguments, i)));
   }

@@ -27,6 +27,7 @@
 #include "tools/region_options.h"
 #include "tools/shared_options.h"
 #include "tools/view/build_volume.h"
+#include "tools/view_region.h"
 
 namespace isobrick {
 namespace {
@@ -110,6 +111,20 @@ void openFiles(ViewArguments& arguments) {
   }
 }
 
+// That of the words, or of the view.
+void openRegion(ViewArguments& arguments) {
+  ViewOptions& options = arguments.options;
+  RegionOptions& region = arguments.region;
+  if (region.isEverywhere() && !options.state_path.empty())
+    region = regionOptionsOf(readView(options.state_path).state.region);
+  findMasks(region, arguments.input.cache_folder, options.threads, options.memory_bytes);
+  // They share the memory with the volume.
+  options.memory_bytes /= 1 + region.masks.size();
+  openMasks(region, options.memory_bytes, FileAccess::kMap, options.remote);
+  options.region = viewRegionOf(region);
+  options.masks = openMasksOf(region);
+}
+
 int runViewCommand(ViewArguments& arguments) {
   ViewOptions& options = arguments.options;
   const Stopwatch watch;
@@ -121,11 +136,7 @@ int runViewCommand(ViewArguments& arguments) {
     findPyramid(arguments.input, options.threads, options.memory_bytes);
     options.path = arguments.input.pyramid;
   }
-  findMasks(arguments.region, arguments.input.cache_folder, options.threads, options.memory_bytes);
-  // They share the memory with the volume.
-  options.memory_bytes /= 1 + arguments.region.masks.size();
-  openMasks(arguments.region, options.memory_bytes, FileAccess::kMap, options.remote);
-  options.region = makeRegion(arguments.region, false, {});
+  openRegion(arguments);
   options.build = volumeBuilder({arguments.input, options.threads + 1, arguments.preview_share});
   // A file that a script opens was not chosen by the user.
   if (options.script_path.empty()) options.recent_path = recentFilesPath();

@@ -15,6 +15,8 @@ namespace {
 
 using AskedJson = nlohmann::json;
 
+constexpr double kFar = 1e12;
+
 [[noreturn]] void refuseMember(const char* name, const std::string& what) {
   throw Error(std::string("'") + name + "' is not " + what);
 }
@@ -93,10 +95,23 @@ std::optional<std::array<double, 2>> Asked::pair(const char* name) const {
 }
 
 std::optional<glm::dvec3> Asked::point(const char* name) const {
-  constexpr double kFar = 1e12;
   const auto point = of<std::array<double, 3>>(name, "3 numbers");
   if (!point) return std::nullopt;
   return glm::clamp(glm::make_vec3(point->data()), glm::dvec3(-kFar), glm::dvec3(kFar));
+}
+
+std::vector<glm::dvec4> Asked::quadruples(const char* name) const {
+  constexpr std::size_t kMost = 8;
+  const std::string what = "4 numbers each of 1 to 8";
+  const auto numbers = of<std::vector<double>>(name, what);
+  if (!numbers) return {};
+  if (numbers->empty() || numbers->size() % 4 != 0 || numbers->size() > 4 * kMost)
+    refuseMember(name, what);
+  std::vector<glm::dvec4> result;
+  for (std::size_t i = 0; i < numbers->size(); i += 4)
+    result.push_back(
+        glm::clamp(glm::make_vec4(numbers->data() + i), glm::dvec4(-kFar), glm::dvec4(kFar)));
+  return result;
 }
 
 std::optional<bool> Asked::flag(const char* name) const { return of<bool>(name, "true or false"); }

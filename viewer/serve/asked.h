@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -26,6 +27,8 @@ class Asked {
   std::optional<std::array<double, 2>> pair(const char* name) const;
   // Its coordinates are so small that squares and products are finite.
   std::optional<glm::dvec3> point(const char* name) const;
+  // 1 to 8 of them, one after the other, of coordinates as those of points; none: empty.
+  std::vector<glm::dvec4> quadruples(const char* name) const;
   std::optional<bool> flag(const char* name) const;
   std::optional<Asked> object(const char* name) const;
   std::string text(const char* name) const;  // empty: there is none

@@ -37,6 +37,7 @@ ClientWish clientWishOf(const Asked& asked, const ViewVolume& volume) {
     SurfaceWish::Surface& surface = wish.surfaces.emplace_back();
     surface.isovalue = one.needed("iso", volume.least_value, volume.greatest_value);
     surface.visible = one.flag("visible").value_or(true);
+    surface.inside = askedInside(one);
   }
   const glm::dvec3 far(1 << 30);  // it may be in another volume of the scene
   const auto focus = asked.point("focus");
@@ -46,10 +47,33 @@ ClientWish clientWishOf(const Asked& asked, const ViewVolume& volume) {
   wish.radius = focus ? asked.needed("radius", 1.0, volume.diagonal()) : volume.diagonal();
   wish.detail.curvature_tolerance = asked.clamped("curvature", 0.0, 1e6);
   if (const auto view = asked.object("view")) wish.detail.view = viewOf(*view);
+  wish.detail.capped = asked.flag("cap").value_or(false);
+  wish.detail.region = askedRegion(asked);
   return result;
 }
 
 }  // namespace
+
+InsideOf askedInside(const Asked& asked) {
+  const std::string name = asked.text("inside");
+  if (name.empty() || name == "above") return InsideOf::kAbove;
+  if (name != "below") throw Error("'inside' is neither above nor below");
+  return InsideOf::kBelow;
+}
+
+ViewRegion askedRegion(const Asked& asked) {
+  ViewRegion region;
+  for (const glm::dvec4& plane : asked.quadruples("clip")) {
+    region.half_spaces.push_back({glm::dvec3(plane), plane.w});
+    if (region.half_spaces.back().normal == glm::dvec3(0.0))
+      throw Error("'clip' has a normal of 0,0,0");
+  }
+  for (const glm::dvec4& sphere : asked.quadruples("sphere")) {
+    region.balls.push_back({glm::dvec3(sphere), sphere.w});
+    if (!(sphere.w > 0.0)) throw Error("'sphere' has a radius that is not above 0");
+  }
+  return region;
+}
 
 ClientMessage parseClientMessage(const Asked& asked, const ViewVolume& volume) {
   const std::string type = asked.text("type");

@@ -22,6 +22,11 @@ struct ClientWish {
   std::optional<std::uint64_t> most_triangles = {}, most_bytes = {};
 };
 
+// The words of a wish, and of a surface's file, that say what of the volume counts: 'inside', and
+// 'clip' and 'sphere', in voxel indices.
+InsideOf askedInside(const Asked& asked);
+ViewRegion askedRegion(const Asked& asked);
+
 // A pass is on the client's screen.
 struct ClientShown {
   std::uint64_t pass = 0;

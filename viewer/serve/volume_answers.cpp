@@ -8,6 +8,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/serve/client_message.h"
 #include "isobrick/viewer/serve/served_volumes.h"
 
 namespace isobrick {
@@ -50,6 +51,9 @@ SurfaceFileOrder surfaceFileOrder(const Asked& words, const std::string& extensi
         FocusSphere{glm::clamp(*focus, glm::dvec3(-kFarVoxels), glm::dvec3(kFarVoxels)), *radius};
   order.query.uniform_level = words.integer("level", 0, 63);
   if (focus && order.query.uniform_level) throw Error("'focus' and 'level' do not go together");
+  order.query.inside = askedInside(words);
+  order.query.cap = words.integer("cap", 0, 1).value_or(0) == 1;
+  order.query.region = surfaceRegionOf(askedRegion(words), {}, 1.0);
   if (const auto distance = words.within("simplify", 1e-6, kFarVoxels))
     order.query.simplify = SimplifyOptions{*distance};
   order.options.meshopt = words.integer("meshopt", 0, 1).value_or(0) == 1;

@@ -18,10 +18,10 @@ ChunkDelivery into(const SceneLattice& scene, const SceneLattice& own) {
 }  // namespace
 
 BesideVolume::BesideVolume(const OpenedVolume& opened, int number, const SceneLattice& scene,
-                           const SurfaceRegion& region, ChunkStore& store,
-                           const ChunkBudget& budget, int threads)
+                           const OpenMasks& masks, ChunkStore& store, const ChunkBudget& budget,
+                           int threads)
     : number_(number),
-      shown_(opened.file, std::nullopt, opened.histogram.isovalues, region),
+      shown_(opened.file, std::nullopt, opened.histogram.isovalues, masks),
       histogram_(opened.histogram),
       requests_(shown_, histogram_, store, budget, threads, std::make_shared<KnownComponents>(), {},
                 into(scene, shown_.lattice())) {}

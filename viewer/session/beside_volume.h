@@ -17,8 +17,7 @@ class BesideVolume {
   // `number`: ViewSurface::volume of its surfaces; `scene`: the lattice that their chunks come in;
   // the rest is as SurfaceRequests takes it.
   BesideVolume(const OpenedVolume& opened, int number, const SceneLattice& scene,
-               const SurfaceRegion& region, ChunkStore& store, const ChunkBudget& budget,
-               int threads);
+               const OpenMasks& masks, ChunkStore& store, const ChunkBudget& budget, int threads);
 
   const ShownVolume& shown() const { return shown_; }
   const ViewVolume& volume() const { return shown_.volume(); }

@@ -9,13 +9,8 @@ namespace isobrick {
 
 ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
                          const std::optional<PreviewOf>& preview_of, std::vector<double> isovalues,
-                         SurfaceRegion region, bool is_step)
-    : pyramid_(std::move(pyramid)), preview_of_(preview_of), region_(std::move(region)) {
-  for (HalfSpace& half_space : region_.half_spaces) half_space.offset /= step();
-  for (RegionBall& ball : region_.balls) {
-    ball.center /= step();
-    ball.radius /= step();
-  }
+                         OpenMasks masks, bool is_step)
+    : pyramid_(std::move(pyramid)), preview_of_(preview_of), masks_(std::move(masks)) {
   volume_.voxels = pyramid_->spec().voxels;
   volume_.geometry = pyramid_->spec().geometry;
   volume_.least_value = pyramid_->realRange().min;
@@ -69,8 +64,8 @@ SurfaceWish ShownVolume::wishOf(const ViewState& state, double height) const {
 
 Query ShownVolume::queryOf(const SurfaceWish& wish, std::size_t surface, double radius) const {
   Query query = wholeQueryOf(wish, surface, radius);
-  if (region_.isEverywhere()) return query;
-  query.region = region_;
+  if (wish.detail.region.isEverywhere()) return query;
+  query.region = surfaceRegionOf(wish.detail.region, masks_, step());
   query.cap = false;  // that would need level 0 at once
   return query;
 }

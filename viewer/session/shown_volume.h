@@ -19,10 +19,10 @@ namespace isobrick {
 // preview.
 class ShownVolume {
  public:
-  // `isovalues`: that are suggested; `region`: all that is shown, in voxels of the volume;
-  // `is_step`: of several in time, which have one isovalue whether or not it is in their ranges.
+  // `isovalues`: that are suggested; `masks`: of views; `is_step`: of several in time, which have
+  // one isovalue whether or not it is in their ranges.
   ShownVolume(std::shared_ptr<const Pyramid> pyramid, const std::optional<PreviewOf>& preview_of,
-              std::vector<double> isovalues, SurfaceRegion region = {}, bool is_step = false);
+              std::vector<double> isovalues, OpenMasks masks = {}, bool is_step = false);
 
   const ViewVolume& volume() const { return volume_; }
   const std::shared_ptr<const Pyramid>& pyramid() const { return pyramid_; }
@@ -57,7 +57,7 @@ class ShownVolume {
   const std::shared_ptr<const Pyramid> pyramid_;
   const std::optional<PreviewOf> preview_of_;
   ViewVolume volume_;
-  SurfaceRegion region_;  // in samples
+  const OpenMasks masks_;
 };
 
 }  // namespace isobrick

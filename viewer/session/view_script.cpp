@@ -372,9 +372,10 @@ bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSigh
     const nlohmann::json changes = nlohmann::json::parse(patch->json);
     json.merge_patch(changes);
     frame.state = viewStateFromJson(json.dump());
-    // The path may be no UTF-8, which JSON does not keep.
+    // Paths may be no UTF-8, which JSON does not keep.
     if (!changes.contains("values") || !changes["values"].contains("other"))
       frame.state->values.other = state.values.other;
+    if (!changes.contains("region")) frame.state->region = state.region;
   } else if (const auto* wait = std::get_if<ScriptWait>(&step)) {
     return isDone(*wait, elapsed, sight);
   } else if (const auto* file = std::get_if<ScriptFile>(&step)) {

@@ -33,6 +33,12 @@ std::string missingVolume(const ViewState& state, std::size_t besides) {
          ", which is not open; open all volumes of the view with it";
 }
 
+// The same of a mask.
+std::string maskWords(const std::string& missing) {
+  if (missing.empty()) return {};
+  return "the mask '" + missing + "' is not open, and cuts nothing; open the view with --state";
+}
+
 }  // namespace
 
 // NOLINTNEXTLINE(performance-unnecessary-value-param): as the other one
@@ -42,9 +48,10 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& 
 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
                          SceneRenderer& renderer, const SessionOptions& options)
-    : shown_(std::move(pyramid), options.preview_of, histogram.isovalues, options.region,
+    : shown_(std::move(pyramid), options.preview_of, histogram.isovalues, options.masks,
              options.is_step),
       histogram_(std::move(histogram)),
+      masks_(options.masks),
       renderer_(&renderer),
       state_(firstView(volume(), 1.0)),
       opening_(state_),
@@ -53,13 +60,14 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       planes_(shown_.pyramid(), shown_.step()),
       slice_views_(shown_.pyramid(), shown_.step()),
       pieces_(shown_.pyramid(), options.threads, known_) {
+  state_.region = options.region;
   state_.surfaces[0].isovalue = firstIsovalue(volume());
   state_.ambient_occlusion = !renderer.isSoftware();
   for (const OpenedVolume& opened : options.beside) {
     beside_sources_.push_back(opened.source);
     const std::size_t number = state_.surfaces.size();
     beside_.push_back(std::make_unique<BesideVolume>(opened, static_cast<int>(number),
-                                                     shown_.lattice(), options.region, renderer,
+                                                     shown_.lattice(), options.masks, renderer,
                                                      options.gpu_budget, options.threads));
     ViewSurface& surface = state_.surfaces.emplace_back();
     surface.isovalue = firstIsovalue(beside_.back()->volume());
@@ -377,6 +385,7 @@ SessionStatus ViewSession::status() const {
                      (lost == 1 ? " chosen piece is" : " chosen pieces are") +
                      " not there at this isovalue";
   if (status.limited.empty()) status.limited = missingVolume(state_, beside_.size());
+  if (status.limited.empty()) status.limited = maskWords(missingMask(state_.region, masks_));
   if (waitsForPieces() && isFine()) status.doing = "finding the pieces";
   if (hides_no_more_ && activeSurface(state_).pieces.hide.size() >= kMostSeeds)
     status.limited = std::to_string(kMostSeeds) +
@@ -403,6 +412,8 @@ std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
 MeshOrder ViewSession::meshOrder(const std::string& path) const {
   if (const std::string missing = missingVolume(state_, beside_.size()); !missing.empty())
     throw Error(missing);
+  if (const std::string mask = missingMask(state_.region, masks_); !mask.empty())
+    throw Error(maskWords(mask), {mask});
   const auto surface = static_cast<std::size_t>(state_.active_surface);
   const BesideVolume* const beside = activeBeside();
   const SurfaceWish wish =

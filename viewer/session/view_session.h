@@ -38,9 +38,8 @@ struct SessionOptions {
   // Given if the pyramid is a preview. It is then shown as fine as it is, whatever the view's
   // settings; view and volume() are those of the volume, but for the range of its values.
   std::optional<PreviewOf> preview_of = {};
-  // Surfaces are shown within it alone, open where it ends and, since they are progressive, without
-  // caps; in voxels of each volume.
-  SurfaceRegion region = {};
+  ViewRegion region = {};  // to begin with
+  OpenMasks masks = {};    // of it, and of views that are shown later
   // Shown in the same world, each with a surface to begin with. They share the budget.
   std::vector<OpenedVolume> beside = {};
   std::string first = {};  // the source that these are for; others are shown as they are
@@ -216,6 +215,7 @@ class ViewSession {
 
   const ShownVolume shown_;
   const ValueHistogram histogram_;
+  const OpenMasks masks_;
   SceneRenderer* renderer_;
   ViewState state_;
   OpeningView opening_;

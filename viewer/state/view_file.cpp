@@ -48,8 +48,8 @@ void visitFields(std::string_view names, F&& f, Values&... values) {
 #define ISOBRICK_FIELDS(Type, ...)                      \
   template <typename T, typename F>                     \
   requires std::is_same_v<std::remove_const_t<T>, Type> \
-  void forEachField(T& value, F&& f) {                  \
-    auto& [__VA_ARGS__] = value;                        \
+  void forEachField(T& fields, F&& f) {                 \
+    auto& [__VA_ARGS__] = fields;                       \
     visitFields(#__VA_ARGS__, f, __VA_ARGS__);          \
   }
 
@@ -60,6 +60,10 @@ ISOBRICK_FIELDS(ViewPieceMeasure, isovalue, level, area, volume, lower, upper, c
 ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces, inside, volume)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
+ISOBRICK_FIELDS(HalfSpace, normal, offset)
+ISOBRICK_FIELDS(ViewBall, center, radius)
+ISOBRICK_FIELDS(ViewMask, path, value)
+ISOBRICK_FIELDS(ViewRegion, half_spaces, balls, masks)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
 ISOBRICK_FIELDS(ViewSliceViews, shown, zoom, center)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
@@ -67,10 +71,10 @@ ISOBRICK_FIELDS(ViewPlane, normal, offset)
 ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window, opacity)
 ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, step, curvature_tolerance,
-                view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
-                value_window, coloring, values, lighting, ambient_occlusion, shadow, pictures,
-                measurements, piece_measures, capped, mesh_distance, wireframe, show_transitions,
-                show_box, show_handles, background_top, background_bottom)
+                view_pixels, clip_planes, region, slices, slice_views, slice_opacity,
+                slice_threshold, value_window, coloring, values, lighting, ambient_occlusion,
+                shadow, pictures, measurements, piece_measures, capped, mesh_distance, wireframe,
+                show_transitions, show_box, show_handles, background_top, background_bottom)
 
 constexpr std::array<std::string_view, 2> namesOf(InsideOf) { return {"above", "below"}; }
 constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {
@@ -228,6 +232,10 @@ void checkRanges(const ViewState& state) {
     if (measurement.points.size() != 2 && measurement.points.size() != 3)
       refuse("measurements", "has one that has neither 2 nor 3 points");
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
+  for (const HalfSpace& half_space : state.region.half_spaces)
+    if (half_space.normal == glm::dvec3(0.0)) refuse("region.half_spaces", "has a normal of 0,0,0");
+  for (const ViewBall& ball : state.region.balls)
+    if (!(ball.radius > 0.0)) refuse("region.balls", "has one whose radius is not above 0");
 }
 
 // Takes out what views of earlier builds have, and no view has now.
@@ -288,8 +296,13 @@ std::string readPath(const std::string& name, const std::filesystem::path& folde
   return isPathOfFile(name) ? (folder / name).lexically_normal().string() : name;
 }
 
-std::string wholeName(const std::string& name) {
-  return isPathOfFile(name) ? absolutePath(name).string() : name;
+// Of the state and of what it was saved of.
+template <typename F>
+void forEachPath(SavedView& view, F&& f) {
+  f(view.volume);
+  for (std::string& beside : view.beside) f(beside);
+  f(view.state.values.other);
+  for (ViewMask& mask : view.state.region.masks) f(mask.path);
 }
 
 // Takes the fields that are not the state's.
@@ -332,9 +345,7 @@ SavedView readView(const std::string& path) {
     SavedView view = takeVolumes(json);
     view.state = stateFrom(std::move(json));
     const std::filesystem::path folder = folderOfView(path);
-    view.volume = readPath(view.volume, folder);
-    for (std::string& beside : view.beside) beside = readPath(beside, folder);
-    view.state.values.other = readPath(view.state.values.other, folder);
+    forEachPath(view, [&](std::string& name) { name = readPath(name, folder); });
     return view;
   } catch (const Error& error) {
     throw Error("'" + path + "': " + error.what() + "; correct it or save the view anew", {path});
@@ -343,18 +354,21 @@ SavedView readView(const std::string& path) {
 
 void writeView(const std::string& path, const SavedView& view) {
   const std::filesystem::path folder = folderOfView(path);
-  ViewState state = view.state;
-  state.values.other = writtenPath(state.values.other, folder);
+  SavedView written = view;
+  forEachPath(written, [&](std::string& name) { name = writtenPath(name, folder); });
   OrderedJson json = OrderedJson::object();
   json["version"] = kViewVersion;
-  json["volume"] = writtenPath(view.volume, folder);
-  for (const std::string& beside : view.beside)
-    json["beside"].push_back(writtenPath(beside, folder));
-  json.update(toJson(state));
+  json["volume"] = written.volume;
+  for (const std::string& beside : written.beside) json["beside"].push_back(beside);
+  json.update(toJson(written.state));
   const std::string text = textOf(json);
   AtomicFile file(path);
   file.write(text.data(), text.size());
   file.commit();
+}
+
+std::string wholeName(const std::string& name) {
+  return isPathOfFile(name) ? absolutePath(name).string() : name;
 }
 
 bool isSameVolume(const std::string& a, const std::string& b) {

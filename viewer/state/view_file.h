@@ -41,6 +41,8 @@ SavedView readView(const std::string& path);
 // The file appears, in the place of an older one, when it is complete.
 void writeView(const std::string& path, const SavedView& view);
 
+// As a view that is read has it: a path is absolute.
+std::string wholeName(const std::string& name);
 // True for two names of one volume, by path.
 bool isSameVolume(const std::string& a, const std::string& b);
 

@@ -47,6 +47,24 @@ ViewState firstView(const ViewVolume& volume, double aspect) {
   return state;
 }
 
+std::string missingMask(const ViewRegion& region, const OpenMasks& open) {
+  for (const ViewMask& mask : region.masks)
+    if (!open.contains(mask.path)) return mask.path;
+  return {};
+}
+
+SurfaceRegion surfaceRegionOf(const ViewRegion& region, const OpenMasks& open, double step) {
+  SurfaceRegion result;
+  result.half_spaces = region.half_spaces;
+  for (HalfSpace& half_space : result.half_spaces) half_space.offset /= step;
+  for (const ViewBall& ball : region.balls)
+    result.balls.push_back({ball.center / step, ball.radius / step});
+  for (const ViewMask& mask : region.masks)
+    if (const auto found = open.find(mask.path); found != open.end())
+      result.masks.push_back({found->second, mask.value});
+  return result;
+}
+
 namespace {
 
 // A unit vector keeps its bits: divided once more it would be another one, and its cut made anew
@@ -124,6 +142,7 @@ SurfaceWish wishOf(const ViewState& state, const ViewVolume& volume, double heig
   wish.detail.focus = state.focus.center;
   wish.detail.curvature_tolerance = state.curvature_tolerance;
   wish.detail.capped = state.capped;
+  wish.detail.region = state.region;
   if (state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther)
     wish.detail.values = state.coloring;
   if (state.coloring == ViewColoring::kOther) wish.detail.other = state.values.other;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <glm/vec3.hpp>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,7 @@
 
 #include "isobrick/extract/color_map.h"
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/surface_region.h"
 #include "isobrick/storage/grid.h"
 #include "isobrick/storage/value_transform.h"
 #include "isobrick/viewer/state/measurement.h"
@@ -53,6 +55,39 @@ struct ViewClipPlane {
   bool operator==(const ViewClipPlane&) const = default;
 };
 inline constexpr std::size_t kMostClipPlanes = 6;
+
+struct ViewBall {
+  glm::dvec3 center{0.0};
+  double radius = 1.0;  // above 0
+
+  bool operator==(const ViewBall&) const = default;
+};
+
+struct ViewMask {
+  std::string path;             // of the volume, as the user named it
+  std::optional<double> value;  // RegionMask::value
+
+  bool operator==(const ViewMask&) const = default;
+};
+
+// Surfaces are shown within all of these alone, open where they end (SurfaceRegion); in voxel
+// indices of each volume.
+struct ViewRegion {
+  std::vector<HalfSpace> half_spaces;
+  std::vector<ViewBall> balls;
+  std::vector<ViewMask> masks;
+
+  bool operator==(const ViewRegion&) const = default;
+  bool isEverywhere() const { return half_spaces.empty() && balls.empty() && masks.empty(); }
+};
+
+// The volumes of masks that are open, by the paths of views.
+using OpenMasks = std::map<std::string, std::shared_ptr<const Pyramid>>;
+
+// The path of a mask that is not open; empty: there is none.
+std::string missingMask(const ViewRegion& region, const OpenMasks& open);
+// Leaves out the masks that are not open. `step`: voxels to an index of the result.
+SurfaceRegion surfaceRegionOf(const ViewRegion& region, const OpenMasks& open, double step);
 
 // A slice through the volume, across one axis of its voxels.
 struct ViewSlice {
@@ -118,7 +153,8 @@ struct ViewState {
   std::optional<double> curvature_tolerance;  // Query::curvature_tolerance
   std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera
   std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes
-  std::array<ViewSlice, 3> slices;            // across x, y and z
+  ViewRegion region;
+  std::array<ViewSlice, 3> slices;  // across x, y and z
   ViewSliceViews slice_views;
   double slice_opacity = 1.0;             // 0 .. 1
   std::optional<double> slice_threshold;  // data units; slices leave out what is below
@@ -200,6 +236,7 @@ struct SurfaceWish {
     ViewColoring values = ViewColoring::kPlain;  // that vertices carry: kGradient, kOther, or none
     std::string other;                           // the path of the pyramid of kOther
     bool capped = false;                         // Query::cap
+    ViewRegion region = {};
 
     bool operator==(const Detail&) const = default;
   };

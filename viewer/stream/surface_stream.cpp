@@ -337,6 +337,10 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   if (values != nullptr) end.values = values->range();
   end.what = values_wanted_.what;
   if (attempt.pass == 0 && !job.request.may_reuse) done_.clear();
+  if (const auto& queries = attempt.work->queries; !queries.empty()) {
+    if (region_ != queries.front().query.region) done_.clear();
+    region_ = queries.front().query.region;
+  }
   made_.clear();
   // TBB's threads come from one pool; an arena bounds how many of them work here.
   tbb::task_arena arena(threads_);

@@ -55,7 +55,7 @@ struct StreamPass {
     std::shared_ptr<const ListedComponents> listed = {};
   };
   double radius = 0.0;                 // of the queries, voxels; for the caller alone
-  std::vector<SurfaceQuery> queries;   // extracted one after the other
+  std::vector<SurfaceQuery> queries;   // extracted one after the other; all of one region
   std::vector<KeptSurface> kept = {};  // the others of the scene
 };
 
@@ -255,6 +255,7 @@ class SurfaceStream {
   };
   using Additions = std::map<ChunkKey, Addition>;
   Additions done_, made_;
+  SurfaceRegion region_;  // of done_
 
   mutable std::mutex mutex_;
   std::condition_variable work_, room_;

@@ -63,13 +63,14 @@ class ViewLoop {
         player_(readScript(options)),
         target_(host.target ? std::move(host.target) : makeTarget(options, player_)),
         panel_(std::make_unique<ViewPanel>(target_->scale(), *target_)),
-        sessions_{options.threads, options.gpu_budget_bytes, {},
-                  options.region,  options.beside,           firstName()},
+        sessions_{options.threads, options.gpu_budget_bytes, {},         options.region,
+                  options.masks,   options.beside,           firstName()},
         files_(options.state_path, options.frames_folder, sessions_),
         volumes_(options, sessions_, *target_, files_),
         input_(*target_),
         log_(options.report_path),
         after_frame_(std::move(host.after_frame)) {
+    if (first_view_) first_view_->state.region = options.region;
     if (first_) first_->source = firstName();
     if (first_)
       volumes_.show(*std::exchange(first_, std::nullopt), input_.size());

@@ -26,14 +26,15 @@ struct ViewOptions {
   RemoteOptions remote;                // if it is behind a URL
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
-  SurfaceRegion region;                // of the volume at `path`: all that is shown of it
-  std::string state_path;              // a view to begin with; empty: none
-  std::string script_path;             // empty: input comes from the user
-  std::string frames_folder = ".";     // where a script's files go
-  std::string report_path;             // JSON of a script's timings; empty: none
-  std::string recent_path;             // list of the volumes opened last; empty: none
-  bool offscreen = false;              // without a window; scripts only
-  int width = 1280, height = 800;      // of the window, pixels
+  ViewRegion region;        // of the volume at `path`, in place of that of the view at `state_path`
+  OpenMasks masks;          // of it
+  std::string state_path;   // a view to begin with; empty: none
+  std::string script_path;  // empty: input comes from the user
+  std::string frames_folder = ".";  // where a script's files go
+  std::string report_path;          // JSON of a script's timings; empty: none
+  std::string recent_path;          // list of the volumes opened last; empty: none
+  bool offscreen = false;           // without a window; scripts only
+  int width = 1280, height = 800;   // of the window, pixels
   const CancelFlag* cancel = nullptr;
 };
 

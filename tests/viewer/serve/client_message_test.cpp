@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/serve/volume_answers.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/repetitions.h"
 
@@ -55,6 +56,35 @@ TEST(ClientMessage, WithoutAFocusAllIsFine) {
   EXPECT_EQ(wish.surfaces.radius, volumeOfMessages().diagonal());
 }
 
+TEST(ClientMessage, AWishHasARegionASideAndCaps) {
+  const auto wish = std::get<ClientWish>(parseClientMessage(
+      R"({"type":"wish","wish":0,"surfaces":[{"iso":0},{"iso":1,"inside":"below"}],"cap":true,)"
+      R"("clip":[1,0,0,30, 0,2,0,1e99],"sphere":[1,2,3,4]})",
+      volumeOfMessages()));
+  EXPECT_EQ(wish.surfaces.surfaces[0].inside, InsideOf::kAbove);
+  EXPECT_EQ(wish.surfaces.surfaces[1].inside, InsideOf::kBelow);
+  EXPECT_TRUE(wish.surfaces.detail.capped);
+  const ViewRegion& region = wish.surfaces.detail.region;
+  ASSERT_EQ(region.half_spaces.size(), 2u);
+  EXPECT_EQ(region.half_spaces[0], (HalfSpace{{1, 0, 0}, 30}));
+  EXPECT_EQ(region.half_spaces[1].offset, 1e12);
+  EXPECT_EQ(region.balls, (std::vector<ViewBall>{{{1, 2, 3}, 4}}));
+}
+
+TEST(ClientMessage, AFileHasTheSameWords) {
+  const auto queryFor = [](const std::string& words) {
+    return surfaceFileOrder(Asked::ofAddress("iso=1" + words), ".ply").query;
+  };
+  const Query query = queryFor("&clip=1,0,0,30&sphere=1,2,3,4&cap=1&inside=below");
+  EXPECT_EQ(query.region.half_spaces, (std::vector<HalfSpace>{{{1, 0, 0}, 30}}));
+  EXPECT_EQ(query.region.balls, (std::vector<RegionBall>{{{1, 2, 3}, 4}}));
+  EXPECT_TRUE(query.cap);
+  EXPECT_EQ(query.inside, InsideOf::kBelow);
+  EXPECT_TRUE(queryFor("").region.isEverywhere());
+  for (const char* const wrong : {"&clip=1,0,0", "&cap=2", "&inside=1"})
+    EXPECT_THROW(queryFor(wrong), Error) << wrong;
+}
+
 TEST(ClientMessage, OthersAreUnknownOrRefused) {
   EXPECT_EQ(std::get<ClientShown>(parsed(R"({"type":"shown","pass":3,"seconds":99})")).seconds,
             10.0);
@@ -66,6 +96,11 @@ TEST(ClientMessage, OthersAreUnknownOrRefused) {
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"focus":[1,2,3]})",
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1,"visible":1}]})",
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"view":{"eye":[0,0,0]}})",
+        R"({"type":"wish","wish":1,"surfaces":[{"iso":1,"inside":"out"}]})",
+        R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[1,2,3]})",
+        R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[0,0,0,3]})",
+        R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[]})",
+        R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"sphere":[1,2,3,0]})",
         "{\"type\":\"wish\",\"wish\":1,\"surfaces\":[{\"iso\":1}]}\xff"})
     EXPECT_THROW(parsed(wrong), Error) << wrong;
 }

@@ -94,9 +94,56 @@ TEST_F(ViewSessionTest, ARegionCutsAllSurfaces) {
   EXPECT_EQ(options.of(opened).region, options.region);
   opened.source = "another";
   EXPECT_TRUE(options.of(opened).region.isEverywhere());
-  const ShownVolume preview(pyramid_, PreviewOf{2, Index3(119)}, {0.0}, options.region);
-  const ViewState state = firstView(preview.volume(), 1.0);
+  const ShownVolume preview(pyramid_, PreviewOf{2, Index3(119)}, {0.0});
+  ViewState state = firstView(preview.volume(), 1.0);
+  state.region = options.region;
   EXPECT_EQ(preview.queryOf(preview.wishOf(state, 100), 0, 1000).region.half_spaces[0].offset, 15);
+}
+
+// Bricks are reused from surface to surface, but not from region to region.
+TEST_F(ViewSessionTest, ARegionIsAPartOfTheView) {
+  session_->state().focus.everywhere = true;
+  settle();
+  const std::uint64_t whole = trianglesShown();
+  const auto isAbout = [&](double share) {
+    return std::abs(static_cast<double>(trianglesShown()) / static_cast<double>(whole) - share) <
+           0.05;
+  };
+  ViewState cut = session_->state();
+  cut.region.half_spaces = {{{1, 0, 0}, 30}, {{0, 1, 0}, 30}};
+  session_->show(cut);
+  settle();
+  EXPECT_TRUE(isAbout(0.25)) << trianglesShown();
+  cut.region.half_spaces.pop_back();
+  session_->show(cut);
+  settle();
+  EXPECT_TRUE(isAbout(0.5)) << trianglesShown();
+  EXPECT_EQ(session_->meshOrder("m.ply").query.region.half_spaces, cut.region.half_spaces);
+  cut.region.masks = {{"organ.isb", {}}};
+  session_->show(cut);
+  settle();
+  EXPECT_TRUE(isAbout(0.5));
+  EXPECT_NE(session_->status().limited.find("organ.isb"), std::string::npos);
+  EXPECT_THROW(session_->meshOrder("m.ply"), Error);
+  session_->state().region = {};
+  settle();
+  EXPECT_EQ(trianglesShown(), whole);
+}
+
+TEST_F(ViewSessionTest, AMaskIsOpenBeforeTheView) {
+  SessionOptions options{2};
+  options.region.masks = {{"half.isb", 1.0}};
+  options.masks["half.isb"] = std::make_shared<const Pyramid>(test::buildField(
+      folder_, Index3(60), [](const glm::dvec3& p) { return p.x > 30.0; }, {}, {}, "half.isb"));
+  session_ = std::make_unique<ViewSession>(pyramid_, renderer_, options);
+  session_->apply(InputEvent::resized(200, 100), 0.0, false);
+  settle();
+  const std::uint64_t half = trianglesShown();
+  EXPECT_EQ(session_->status().limited, "");
+  session_->state().region = {};
+  settle();
+  EXPECT_NEAR(static_cast<double>(half), 0.5 * static_cast<double>(trianglesShown()),
+              0.05 * static_cast<double>(trianglesShown()));
 }
 
 TEST_F(ViewSessionTest, OpensOnASurfaceInItsFrame) {

@@ -79,6 +79,19 @@ TEST_F(ViewFileTest, VolumesBesideComeBack) {
   EXPECT_NE(refusal(many.dump()).find("more than 8 volumes"), std::string::npos);
 }
 
+TEST_F(ViewFileTest, ARegionComesBackWithItsMasks) {
+  SavedView view = viewOf("", "");
+  view.state.region.half_spaces = {{{0.1, 0.2, 0.3}, 4.0 / 3.0}};
+  view.state.region.balls = {{{1, 2, 3}, 0.7}, {{4, 5, 6}, 8}};
+  view.state.region.masks = {{folder_.file("organs.nrrd"), 7.0}, {"phantom:sphere:64", {}}};
+  writeView(path_, view);
+  EXPECT_EQ(written()["region"]["masks"][0]["path"], "organs.nrrd");
+  EXPECT_EQ(readView(path_).state, view.state);
+  EXPECT_NE(refusal(R"({"region": {"half_spaces": [{"normal": [0, 0, 0]}]}})").find("normal"),
+            std::string::npos);
+  EXPECT_NE(refusal(R"({"region": {"balls": [{"radius": 0}]}})").find("radius"), std::string::npos);
+}
+
 TEST_F(ViewFileTest, OtherPathsAreAbsolute) {
   writeView(path_, viewOf("here.isb", "https://host/pet.isb"));
   EXPECT_EQ(written()["volume"], (fs::current_path() / "here.isb").string());

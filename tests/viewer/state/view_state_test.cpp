@@ -27,6 +27,7 @@ ViewState fullState() {
   state.curvature_tolerance = 0.125;
   state.view_pixels = 1.5;
   state.clip_planes = {{{0.36, 0.48, 0.8}, -12.5, false, false}};
+  state.region = {{{{0.5, 1.5, 2.0}, 3.0}}, {{{1.0, 2.0, 3.0}, 4.0}}, {{"/scans/organ.isb", 7.0}}};
   state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
   state.slice_views = {true, 3.5, glm::dvec3(1.0, 2.0, 3.0)};
   state.slice_opacity = 0.25;
@@ -77,6 +78,9 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   ViewState plain;
   plain.surfaces.resize(2);
   plain.clip_planes.resize(1);
+  plain.region.half_spaces = {HalfSpace()};
+  plain.region.balls = {ViewBall()};
+  plain.region.masks = {{"", 0.0}};
   for (ViewSurface& surface : plain.surfaces)
     surface.pieces.keep = surface.pieces.hide = {ComponentSeed{}};
   plain.piece_measures.resize(1);
