@@ -52,7 +52,9 @@ class PowerLossTest : public CommandTest {
         writeBytes(path(name), bytes);
   }
 
-  // All of one output: a file, or a folder with what is in it.
+  static bool isHeader(const std::string& name) { return name.ends_with(".mhd"); }
+
+  // All of one output: a file, or a folder with what is in it; a header with its voxels.
   static FolderContent unitOf(const FolderContent& content, const std::string& unit) {
     FolderContent part;
     for (auto entry = content.lower_bound(unit); entry != content.end(); ++entry) {
@@ -61,6 +63,10 @@ class PowerLossTest : public CommandTest {
           unit.back() == '/')
         part.insert(*entry);
     }
+    if (isHeader(unit))
+      if (const auto voxels = content.find(unit.substr(0, unit.size() - 4) + ".raw");
+          voxels != content.end())
+        part.insert(*voxels);
     return part;
   }
 
@@ -95,30 +101,28 @@ class PowerLossTest : public CommandTest {
       std::uint64_t number = 0;
       std::uint64_t every = 1;
       std::vector<FolderContent> chosen;
-      const LossCounts counts =
-          loss.visitStates(model,
-                           std::max(kLeastEach, static_cast<std::uint64_t>(repetitions(kStates)) /
-                                                    (1 + loss.changes())),
-                           [&](const FolderContent& state, bool is_done) {
-                             for (const auto& [name, bytes] : state)
-                               judgeName(name, output, before, after, wrong);
-                             for (const std::string& name : names) {
-                               const FolderContent is = unitOf(state, name);
-                               if (is == unitOf(after, name)) continue;
-                               if (is_done)
-                                 ++wrong["'" + name + "' is lost after the end"];
-                               else if (is != unitOf(before, name))
-                                 ++wrong["'" + name + "' is not whole"];
-                             }
-                             // Of all of them, evenly.
-                             if (most_again == 0 || number++ % every != 0) return;
-                             chosen.push_back(state);
-                             if (chosen.size() < 2 * static_cast<std::size_t>(most_again)) return;
-                             every *= 2;
-                             for (std::size_t i = 1; 2 * i < chosen.size(); ++i)
-                               chosen[i] = chosen[2 * i];
-                             chosen.resize(chosen.size() / 2);
-                           });
+      const LossCounts counts = loss.visitStates(
+          model,
+          std::max(kLeastEach,
+                   static_cast<std::uint64_t>(repetitions(kStates)) / (1 + loss.changes())),
+          [&](const FolderContent& state, bool is_done) {
+            for (const auto& [name, bytes] : state) judgeName(name, output, before, after, wrong);
+            for (const std::string& name : names) {
+              const FolderContent is = unitOf(state, name);
+              if (is == unitOf(after, name)) continue;
+              if (is_done) ++wrong["'" + name + "' is lost after the end"];
+              // Without its header a pair is no volume.
+              else if (is != unitOf(before, name) && !(isHeader(name) && is.count(name) == 0))
+                ++wrong["'" + name + "' is not whole"];
+            }
+            // Of all of them, evenly.
+            if (most_again == 0 || number++ % every != 0) return;
+            chosen.push_back(state);
+            if (chosen.size() < 2 * static_cast<std::size_t>(most_again)) return;
+            every *= 2;
+            for (std::size_t i = 1; 2 * i < chosen.size(); ++i) chosen[i] = chosen[2 * i];
+            chosen.resize(chosen.size() / 2);
+          });
       std::printf("%s: %s: %zu changes, %llu moments (%llu in full), %llu states, %llu distinct\n",
                   line.c_str(), model == DiskModel::kOrdered ? "ordered" : "weak", loss.changes(),
                   longOf(counts.moments), longOf(counts.complete), longOf(counts.states),
