@@ -373,4 +373,16 @@ PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options) {
   return spec;
 }
 
+BuildOptions buildOptionsOf(const PyramidSpec& spec) {
+  BuildOptions options;
+  options.filter = spec.filter;
+  options.brick_cells = spec.brick_cells;
+  options.tile_cells = spec.tile_cells;
+  options.with_curvature = spec.has_curvature;
+  options.curvature_epsilon = spec.curvature_epsilon;
+  options.mask_nan = spec.has_missing;
+  if (spec.level0 != Level0Place::kStored) options.source_record = "{}";
+  return options;
+}
+
 }  // namespace isobrick

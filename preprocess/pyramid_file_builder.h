@@ -11,6 +11,9 @@ namespace isobrick {
 
 // The facts of a pyramid that come from the volume and the options.
 PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options);
+// And back: the options that such facts show. An index has some source record, which is not the
+// file's own.
+BuildOptions buildOptionsOf(const PyramidSpec& spec);
 
 // buildPyramid() for the file of a super-brick, if `file` is one. `provenance`, unless it is empty,
 // takes the place of the text about this source and build.

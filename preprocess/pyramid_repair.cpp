@@ -120,21 +120,13 @@ class Repair {
   }
 
   BuildOptions buildOptions() const {
-    const PyramidSpec& spec = torn_.spec();
     const std::string identity = textOf(member(provenance_, "identity"));
-    BuildOptions options;
-    options.brick_cells = spec.brick_cells;
-    options.tile_cells = spec.tile_cells;
-    options.filter = spec.filter;
-    options.with_curvature = spec.has_curvature;
-    options.curvature_epsilon = spec.curvature_epsilon;
+    BuildOptions options = buildOptionsOf(torn_.spec());
     options.codec = codecOf(identityValue(identity, "codec"));
     const auto nan_as = parseShallowJson(identityValue(identity, "nan_as"));
     if (nan_as.is_number() && std::isfinite(nan_as.get<float>()))
       options.nan_as = nan_as.get<float>();
-    options.mask_nan = spec.has_missing || identityValue(identity, "mask_nan") == "yes";
-    // The provenance has the record itself.
-    if (spec.level0 != Level0Place::kStored) options.source_record = "{}";
+    options.mask_nan = options.mask_nan || identityValue(identity, "mask_nan") == "yes";
     if (torn_.superBricks()) options.super_cells = torn_.superBricks()->cells();
     options.tool_version = options_.tool_version;
     options.memory_bytes = options_.memory_bytes;

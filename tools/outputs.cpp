@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
@@ -170,8 +171,8 @@ void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::s
   const fs::path voxels = fs::path(path).replace_extension(".raw");
   if (!isNameTaken(voxels)) return;
   refuseInput(voxels.string(), output, inputs);
-  const std::optional<fs::path> named = dataFileOf(path);
-  if (named && isSameFile(*named, voxels)) return;
+  for (const std::string& header : {path, path + kTemporaryEnding})
+    if (const auto named = dataFileOf(header); named && isSameFile(*named, voxels)) return;
   throw Error(fmt::format("'{}' exists and is not the data of '{}', which would have its voxels "
                           "there; {}",
                           voxels.string(), path, output.way_out),

@@ -56,7 +56,8 @@ void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::s
                            bool force,
                            const std::function<bool(const std::string& folder)>& holds_own);
 // The same for a volume. A .mhd has its voxels in a .raw beside it: that one is replaced, with
-// `force`, if the replaced header names it, and is foreign otherwise.
+// `force`, if the replaced header names it, or that of a run which was killed between the two; it
+// is foreign otherwise.
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force);
 

@@ -1,9 +1,11 @@
 #include "isobrick/preprocess/export/volume_writer.h"
 
+#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -16,6 +18,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "isobrick/preprocess/export/volume_rows.h"
@@ -24,9 +27,12 @@
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
+
+namespace fs = std::filesystem;
 
 // Packs its input and appends it to `file`, which outlives it. Holds 256 KiB of packed bytes and
 // zlib's window. One thread. Throws what AtomicFile::write() throws, and Cancelled.
@@ -312,6 +318,27 @@ VolumeWriteReport writeNrrd(VolumeSource& source, const std::string& path,
   return report;
 }
 
+// A header would be believed of other voxels, so none is there while they change, and no voxels
+// stay without one.
+void publishPair(AtomicFile& header, const fs::path& header_path, AtomicFile& data,
+                 const fs::path& data_path, const VolumeWriteOptions& options) {
+  if (options.before_publishing) options.before_publishing();
+  // First all that is likely to fail: so long the older pair is there.
+  for (const AtomicFile* const file : {&data, &header})
+    if (fsync(file->fd()) != 0) failWriting(file->path(), errno);
+  checkCancel(options);
+  try {
+    if (const std::error_code error = removeName(header_path))
+      failWriting(header.path(), error.value());
+    if (const int error = syncFolderOf(header.path())) failWriting(header.path(), error);
+    data.commit();
+    header.commit();
+  } catch (...) {
+    if (!isNameTaken(header_path)) removeName(data_path);
+    throw;
+  }
+}
+
 VolumeWriteReport writeMetaImage(VolumeSource& source, const std::string& path,
                                  const VolumeWriteOptions& options) {
   VolumeWriteReport report;
@@ -320,16 +347,15 @@ VolumeWriteReport writeMetaImage(VolumeSource& source, const std::string& path,
     writeWhole(source, path, metaImageHeader(source.info(), "LOCAL"), "", options, report);
     return report;
   }
-  const std::string data_path = std::filesystem::path(path).replace_extension(".raw").string();
+  // Paths, so that to remove them takes no memory.
+  const fs::path header_path = path, data_path = fs::path(path).replace_extension(".raw");
   AtomicFile header_file(path);
-  AtomicFile data_file(data_path);
-  writeText(header_file,
-            metaImageHeader(source.info(), std::filesystem::path(data_path).filename().string()));
+  AtomicFile data_file(data_path.string());
   writeVoxels(source, data_file, options);
-  // The voxels first: a header without them would be worse than the other way round.
-  publish(data_file, options, report);
-  report.bytes += header_file.position();
-  header_file.commit();
+  // Only now: of a killed run it says that the voxels of that name are its own (tools/outputs.cpp).
+  writeText(header_file, metaImageHeader(source.info(), data_path.filename().string()));
+  report.bytes = header_file.position() + data_file.position();
+  publishPair(header_file, header_path, data_file, data_path, options);
   return report;
 }
 

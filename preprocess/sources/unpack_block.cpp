@@ -8,7 +8,6 @@
 #include <zstd.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
@@ -119,7 +118,7 @@ std::string unpackBlock(BlockCodec codec, std::span<const std::byte> packed,
   switch (codec) {
     case BlockCodec::kNone:
       if (packed.size() != out.size()) return wrongSize(out.size());
-      std::memcpy(out.data(), packed.data(), out.size());
+      std::copy(packed.begin(), packed.end(), out.begin());
       return {};
     case BlockCodec::kBlosc:
       return unpackBlosc(packed, out);

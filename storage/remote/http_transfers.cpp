@@ -108,7 +108,7 @@ class Exchange {
   HttpEnd end(CURLcode code) const {
     HttpEnd end;
     end.was_refused = was_refused_ || is_swallowing_;
-    end.is_whole = code == CURLE_OK && !end.was_refused;
+    end.is_whole = code == CURLE_OK && is_judged_ && !end.was_refused;
     char* url = nullptr;
     if (curl_easy_getinfo(easy_, CURLINFO_EFFECTIVE_URL, &url) == CURLE_OK && url != nullptr)
       end.url = url;
@@ -165,6 +165,10 @@ class Exchange {
         end.text = "the server's certificate or TLS is not accepted (" + said +
                    "); check the address, or name its authority's file in CURL_CA_BUNDLE";
         return;
+      case CURLE_OK:  // without the head of an answer
+      case CURLE_WRITE_ERROR:
+        end.text = "the server does not answer as HTTP has it (no status); check the address";
+        return;
       case CURLE_UNSUPPORTED_PROTOCOL:
       case CURLE_WEIRD_SERVER_REPLY:
         end.text = "the server does not answer as HTTP has it (" + said + "); check the address";
@@ -206,7 +210,7 @@ class Exchange {
     if (name == "last-modified") head_.last_modified = value;
     if (name == "retry-after") head_.retry_after = value;
     if (name == "x-amz-bucket-region") head_.bucket_region = value;
-    if (name == "location") has_location_ = true;
+    if (name == "location") has_location_ = !value.empty();  // libcurl follows no other
     if (name == "content-length") {
       std::uint64_t length = 0;
       const char* const end = value.data() + value.size();
@@ -231,6 +235,7 @@ class Exchange {
   static std::size_t takeBytes(char* data, std::size_t size, std::size_t count, void* self) {
     auto& exchange = *static_cast<Exchange*>(self);
     const std::size_t bytes = size * count;
+    if (!exchange.is_judged_) return 0;  // libcurl takes "HTTP/" and anything for a good head
     if (exchange.is_swallowing_) {
       exchange.swallowed_ += bytes;
       return exchange.swallowed_ <= kShortBody ? bytes : 0;

@@ -21,9 +21,9 @@ class FaultSubject {
   virtual std::string afterwards() = 0;
 };
 
-// The numbers of the calls, 1 .. count, that fail in turn: all of them under ISOBRICK_ALL_FAULTS=1,
-// else the first and as many all over the others, always the same.
-std::vector<std::uint64_t> faultNumbers(std::uint64_t count, std::uint64_t most = 48);
+// The numbers of the calls, 1 .. count, that fail in turn: if they are more than `most`, the first
+// and as many all over the others, always the same; fewer under a sanitizer by day.
+std::vector<std::uint64_t> faultNumbers(std::uint64_t count, std::uint64_t most);
 
 // Makes subjects in child processes, one for each fault of each kind, and fails the test for each
 // that crashes, hangs, says something that is no line of text, is no good afterwards, or leaks. The

@@ -26,9 +26,9 @@ void runCorpus(std::span<const FuzzTarget> targets) {
   }
 }
 
-TEST(FuzzCorpus, EveryPyramidIsHandled) { runCorpus(storageTargets()); }
-TEST(FuzzCorpus, EveryVolumeIsHandled) { runCorpus(sourceTargets()); }
-TEST(FuzzCorpus, EveryTextIsHandled) { runCorpus(textTargets()); }
+TEST(FuzzCorpus, EveryPyramidIsHandled) { runCorpus(kStorageTargets); }
+TEST(FuzzCorpus, EveryVolumeIsHandled) { runCorpus(kSourceTargets); }
+TEST(FuzzCorpus, EveryTextIsHandled) { runCorpus(kTextTargets); }
 
 }  // namespace
 }  // namespace isobrick::test

@@ -32,7 +32,7 @@ double cpuSeconds() {
 
 void choose() {
   const char* const name = std::getenv("ISOBRICK_FUZZ");
-  for (const FuzzTarget& target : ISOBRICK_FUZZ_TARGETS()) {
+  for (const FuzzTarget& target : ISOBRICK_FUZZ_TARGETS) {
     if (name != nullptr && name == target.name) chosen = target;
     if (name != nullptr && name == std::string("list"))
       std::printf("%s %s %s\n", std::string(target.group).c_str(), std::string(target.name).c_str(),

@@ -24,9 +24,7 @@ struct FuzzTarget {
   bool has_tables = false;
 };
 
-std::span<const FuzzTarget> storageTargets();
-std::span<const FuzzTarget> sourceTargets();
-std::span<const FuzzTarget> textTargets();
+extern const std::span<const FuzzTarget> kStorageTargets, kSourceTargets, kTextTargets;
 
 // Takes refusals; false if bytes made something else be thrown, which `what` gets.
 bool isHandled(const FuzzTarget& target, FuzzBytes bytes, std::string& what);

@@ -164,7 +164,7 @@ void runMesh(FuzzBytes bytes) {
     demand(index < mesh.positions.size(), "triangles have vertices of the mesh");
 }
 
-constexpr FuzzTarget kSourceTargets[] = {
+constexpr FuzzTarget kTable[] = {
     {"sources", "zarr", "preprocess/sources/(zarr_(array|source|filters)|unpack_block)", runZarr},
     {"sources", "zip", "preprocess/sources/zarr_store", runZip},
     {"sources", "vti", "preprocess/sources/(vti_|byte_stream|stored_voxels)", runVti},
@@ -184,6 +184,6 @@ constexpr FuzzTarget kSourceTargets[] = {
 
 }  // namespace
 
-std::span<const FuzzTarget> sourceTargets() { return kSourceTargets; }
+constinit const std::span<const FuzzTarget> kSourceTargets = kTable;
 
 }  // namespace isobrick::test

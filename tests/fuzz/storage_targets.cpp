@@ -130,7 +130,7 @@ void runShares(FuzzBytes bytes) {
   mergeMeshShares(folder.files(), sink);
 }
 
-constexpr FuzzTarget kTargets[] = {
+constexpr FuzzTarget kTable[] = {
     {"storage", "isb", "storage/(pyramid|brick|paged|buffer|voxel_histogram|gradient)", runPyramid,
      true},
     {"storage", "isbs", "storage/(pyramid_division|divided|pyramid_file|brick_index)", runDivided,
@@ -142,6 +142,6 @@ constexpr FuzzTarget kTargets[] = {
 
 }  // namespace
 
-std::span<const FuzzTarget> storageTargets() { return kTargets; }
+constinit const std::span<const FuzzTarget> kStorageTargets = kTable;
 
 }  // namespace isobrick::test

@@ -266,7 +266,7 @@ void runRequest(FuzzBytes bytes) {
   drawSlice(values, asked.pair("window").value_or(std::array{0.0, 1.0}), {}, 1.5);
 }
 
-constexpr FuzzTarget kTextTargets[] = {
+constexpr FuzzTarget kTable[] = {
     {"json", "view", "viewer/state/(view_file|view_state)", runView},
     {"json", "script", "viewer/session/view_script", runScript},
     {"json", "option", "tools/parse_text", runOption},
@@ -278,6 +278,6 @@ constexpr FuzzTarget kTextTargets[] = {
 
 }  // namespace
 
-std::span<const FuzzTarget> textTargets() { return kTextTargets; }
+constinit const std::span<const FuzzTarget> kTextTargets = kTable;
 
 }  // namespace isobrick::test

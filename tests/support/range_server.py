@@ -289,6 +289,10 @@ def garbage(handler, request, number):
 
 
 def no_http(handler, request, number):
+    """/no-http/version/: a first line that begins as one of HTTP."""
+    if request.words == ["version"]:
+        handler.send(b"HTTP/x\r\n\r\n" + b"x" * 100)
+        return False
     handler.send(b"\x00\x01SSH-2.0-nothing\r\n" * 100)
     return False
 
@@ -313,7 +317,8 @@ def forgets(handler, request, number):
 
 
 def nowhere(handler, request, number):
-    handler.send(answer(302, b"elsewhere"))
+    """/nowhere/empty/: with a header that names no place."""
+    handler.send(answer(302, b"elsewhere", **{"Location": "" for _ in request.words}))
 
 
 def elsewhere(handler, request, number):

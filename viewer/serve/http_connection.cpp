@@ -15,8 +15,10 @@
 #include <functional>
 #include <initializer_list>
 #include <memory>
+#include <new>
 #include <optional>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "isobrick/storage/file_system.h"
@@ -247,7 +249,6 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
             "the volume is still being opened or built; ask again");
     require(state_.waiting < kMostWaiting, Status::service_unavailable,
             "too many requests wait for volumes that are being opened; try again later");
-    ++state_.waiting;
     stream_.expires_never();
     timer_.expires_after(kBetweenLooks);
     timer_.async_wait([self = shared_from_this(), end, volume, what](HttpError stopped) {
@@ -257,6 +258,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
         connection.whenOpenBy(end, volume, what);
       });
     });
+    ++state_.waiting;
   }
 
   // The client ended the connection, and has not asked for more before.
@@ -351,29 +353,47 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
     return state_.folder + "/" + std::to_string(++state_.last_file);
   }
 
+  // What a job leaves. It is made before the job, which then needs no memory to hand it over.
+  struct Done {
+    std::shared_ptr<HttpConnection> connection;
+    Then then;
+    std::exception_ptr failure;
+  };
+
   // `work` on the queue's thread, then what it returns here.
   template <typename Work>
   void run(JobQueue& queue, Work work) {
     require(queue.jobs < queue.most_jobs, Status::service_unavailable,
             "too much is asked for already; try again later");
-    ++queue.jobs;
     stream_.expires_never();
-    boost::asio::post(
-        queue.thread, [self = shared_from_this(), work = std::move(work), &queue]() mutable {
-          Then then;
-          try {
-            then = work();
-          } catch (...) {
-            then = [failure = std::current_exception()](HttpConnection&) {
-              std::rethrow_exception(failure);
-            };
-          }
-          auto& io = self->state_.io;
-          boost::asio::post(io, [self = std::move(self), then = std::move(then), &queue] {
-            --queue.jobs;
-            self->doOrRefuse(Status::internal_server_error, then);
+    const auto done = std::make_shared<Done>(Done{shared_from_this(), nullptr, nullptr});
+    boost::asio::post(queue.thread,
+                      [done, work = std::move(work), &queue, &state = state_]() mutable {
+                        try {
+                          done->then = work();
+                        } catch (...) {
+                          done->failure = std::current_exception();
+                        }
+                        handBack(done, queue, state);
+                      });
+    ++queue.jobs;
+  }
+
+  // On the queue's thread, which waits if there is no memory for that.
+  static void handBack(const std::shared_ptr<Done>& done, JobQueue& queue, ServerState& state) {
+    do try {
+        return boost::asio::post(state.io, [done, &queue] {
+          --queue.jobs;
+          const auto connection = std::move(done->connection);  // it ends on this thread
+          connection->doOrRefuse(Status::internal_server_error, [&](HttpConnection& self) {
+            if (done->failure) std::rethrow_exception(done->failure);
+            done->then(self);
           });
         });
+      } catch (const std::bad_alloc&) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      }
+    while (!state.stop.requested());
   }
 
   std::string metrics() const {

@@ -55,8 +55,8 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
         socket_(std::move(stream)),
         timer_(state.io),
         pause_(state.io) {
-    ++state_.connections;
     state_.clients.insert(this);
+    ++state_.connections;
   }
   ~StreamConnection() override {
     end();
@@ -109,9 +109,11 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
   void close(websocket::close_code code, const std::string& why) {
     if (closing_) return;
     closing_ = true;
-    // At most so many bytes go into a control frame.
-    const websocket::close_reason reason(code, why.substr(0, 120));
-    socket_.async_close(reason, [self = shared_from_this()](StreamError) { self->end(); });
+    orEnd([&] {
+      // At most so many bytes go into a control frame.
+      const websocket::close_reason reason(code, why.substr(0, 120));
+      socket_.async_close(reason, [self = shared_from_this()](StreamError) { self->end(); });
+    });
   }
 
  private:
@@ -322,12 +324,12 @@ void startStreamConnection(beast::tcp_stream stream, const HttpRequest& request,
 }
 
 void closeStreams(ServerState& state) {
-  for (StreamConnection* const client : std::set(state.clients))
-    client->close(websocket::close_code::going_away, "the server ends");
+  for (auto client = state.clients.begin(); client != state.clients.end();)
+    (*client++)->close(websocket::close_code::going_away, "the server ends");  // or it goes at once
 }
 
 void endStreams(ServerState& state) {
-  for (StreamConnection* const client : std::set(state.clients)) client->end();
+  while (!state.clients.empty()) (*state.clients.begin())->end();
 }
 
 }  // namespace isobrick
