@@ -73,6 +73,9 @@ struct OpenOptions : GivenPlace {
   std::optional<ComponentChoice> component;
   // What is made of the volume as it is read, after all else.
   Derivation derivation;
+  // Opens this level that an OME-Zarr store has of the volume, or its coarsest if it has fewer, for
+  // a first look; 0 is the finest. Other formats take no heed of it.
+  std::size_t store_level = 0;
   // Delivers numbers that no pyramid holds (float64, integers of 32 and 64 bits) as they are, for
   // writing them elsewhere. Without it VolumeSource::chooseVoxels() makes voxels of them. A
   // derivation takes no heed of it.

@@ -438,7 +438,9 @@ class ZarrOpener {
       const Json& datasets = member(multiscale_, "datasets");
       if (!datasets.is_array() || datasets.empty())
         throw cannotUse(path_, "its image has no datasets");
-      dataset_ = datasets.front();
+      const std::size_t level = std::min(options_.store_level, datasets.size() - 1);
+      dataset_ = datasets[level];
+      is_coarser_ = level > 0;
       const std::string name = textOf(member(dataset_, "path"));
       if (!leadsDown(name))
         throw cannotUse(path_, "the name of its level, ", quotedText(name, 60),

@@ -177,6 +177,22 @@ TEST_F(BuildCommandTest, PreviewsComeWithALineForProgramsAndGo) {
                 "goes with --progress-lines");
 }
 
+// A store's own level is there before the first voxel of the finest is read, and there is no other.
+TEST_F(BuildCommandTest, ThePreviewOfAStoreIsALevelOfItsOwn) {
+  fs::create_directory(path("previews"));
+  runWell({"build", "phantom:sphere:160", "-o", "s.isb"});
+  runWell({"convert", "s.isb", "--all-levels", "-o", "s.ome.zarr"});
+  const Outcome outcome = run({"build", "s.ome.zarr", "-o", "a.isb", "--progress-lines",
+                               "--preview-folder", "previews", "--preview-share", "1"});
+  EXPECT_EQ(outcome.status, 0);
+  const std::string err = "\n" + outcome.err;
+  const std::size_t at = err.find("\npreview 2 160 160 160 previews/level.isb\n");
+  ASSERT_NE(at, std::string::npos) << err;
+  EXPECT_EQ(err.find("\npreview ", at + 1), std::string::npos) << err;
+  EXPECT_LT(at, err.find(" bricks\n"));
+  EXPECT_TRUE(fs::is_empty(path("previews")));
+}
+
 TEST_F(BuildCommandTest, APyramidOfAnotherInputNeedsForce) {
   makeVolume("a.nrrd");
   makeVolume("b.nrrd", "torus");

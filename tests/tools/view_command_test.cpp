@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cmath>
 #include <fstream>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <numbers>
 #include <random>
@@ -12,6 +13,7 @@
 #include "isobrick/viewer/state/input_event.h"
 #include "tests/support/command_test.h"
 #include "tests/support/dicom_file.h"
+#include "tests/support/ply_reader.h"
 #include "tests/support/requirement.h"
 
 namespace isobrick::test {
@@ -472,6 +474,31 @@ TEST_F(ViewCommandTest, AVolumeIsShownWhileItIsBuilt) {
   before.erase("value_window");  // of all values
   after.erase("value_window");
   EXPECT_EQ(after, before);
+}
+
+// The preview of a store is a level of its own, and the surface in it lies where that of the
+// pyramid does.
+TEST_F(ViewCommandTest, AStoreIsShownByALevelOfItsOwn) {
+  runWell({"build", "phantom:sphere:160", "-o", "s.isb"});
+  runWell({"convert", "s.isb", "--all-levels", "-o", "s.ome.zarr"});
+  write("preview.json", R"({"size": [160, 120], "steps": [
+      {"set": {"surfaces": [{"isovalue": 8.5}]}},
+      {"wait": "preview"}, {"shown_mesh": "preview.ply"},
+      {"wait": "settled"}, {"shown_mesh": "whole.ply"}]})");
+  runWell(
+      {"view", "s.ome.zarr", "--offscreen", "--preview-share", "1", "--script", "preview.json"});
+  const auto boxOf = [&](const char* name) {
+    const PlyMesh mesh = readPly(path(name));
+    glm::dvec3 low(1e9), high(-1e9);
+    for (const glm::dvec3& position : mesh.positions) {
+      low = glm::min(low, position);
+      high = glm::max(high, position);
+    }
+    return std::array{low, high};
+  };
+  const auto preview = boxOf("preview.ply"), whole = boxOf("whole.ply");
+  for (std::size_t end = 0; end < 2; ++end)
+    for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(preview[end][axis], whole[end][axis], 0.5);
 }
 
 // Nothing that is pressed loses the object for good.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
@@ -12,6 +13,7 @@
 
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/preview_maker.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/indexed_source.h"
 #include "isobrick/preprocess/sources/open_volume.h"
@@ -132,6 +134,68 @@ BuildReport buildOrBeginAnew(VolumeSource& source, InputWatch& input, const Buil
   return buildShowingProgress(source, input, job.output, options, shown);
 }
 
+void tellOfPreview(const BuildPreview& preview) {
+  const Index3& voxels = preview.voxels;
+  fmt::print(stderr, "preview {} {} {} {} {}\n", preview.step, voxels.x, voxels.y, voxels.z,
+             preview.path);
+}
+
+// How many voxels a sample of a coarser level stands for, the same along each axis, a power of two;
+// 0: there is no such number. A level may have one sample more, at the end of the volume.
+std::int64_t stepOf(const Index3& samples, const Index3& voxels) {
+  std::int64_t step = 2;
+  while (voxels.x / step > samples.x) step *= 2;
+  for (int axis = 0; axis < 3; ++axis)
+    if (samples[axis] < 2 || samples[axis] < voxels[axis] / step ||
+        samples[axis] > voxels[axis] / step + 1)
+      return 0;
+  return step;
+}
+
+// The preview of a store with coarser levels of its own is one of them, at once, in place of those
+// that a build makes as it reads. If it fails there are these. Its file goes with it.
+class StorePreview {
+ public:
+  // If it is there, `preview` asks for no others.
+  StorePreview(const InputOptions& input, const VolumeInfo& info, PreviewOptions& preview) {
+    OpenOptions options = openOptionsOf(input);
+    const auto grid = previewGridOf(info.voxels);
+    if (preview.folder.empty() || !(preview.most_share > 0.0) || info.format != "OME-Zarr" ||
+        options.spacing || !options.derivation.isNone() || !grid)
+      return;
+    try {
+      options.store_level =
+          static_cast<std::size_t>(std::countr_zero(static_cast<std::uint64_t>(grid->step)));
+      options.cancel = &interruptFlag();
+      options.memory_bytes = kPreviewBytes;
+      const std::unique_ptr<VolumeSource> source = openVolume(input.path, options);
+      const std::int64_t step = stepOf(source->info().voxels, info.voxels);
+      if (step == 0 || elementCount(source->info().voxels) > kMostVoxels) return;
+      path_ = (std::filesystem::path(preview.folder) / "level.isb").string();
+      BuildOptions build;
+      build.brick_cells = 32;
+      build.codec = format::Codec::kStored;
+      build.with_curvature = false;
+      build.tool_version = ISOBRICK_VERSION;
+      build.cancel = &interruptFlag();
+      buildPyramid(*source, path_, build);
+      tellOfPreview({path_, step, info.voxels});
+      preview.folder.clear();
+    } catch (const std::exception&) {  // the build itself fails, if it must, by itself
+    }
+  }
+  ~StorePreview() {
+    if (!path_.empty()) removeName(path_);
+  }
+  StorePreview(const StorePreview&) = delete;
+  StorePreview& operator=(const StorePreview&) = delete;
+
+ private:
+  static constexpr std::int64_t kMostVoxels = std::int64_t{1} << 24;  // more take too long
+
+  std::string path_;
+};
+
 // An existing file is in the way, unless it is a pyramid, whose origin isUpToDate() checks.
 void refuseAsOutput(const BuildJob& job, const std::vector<std::string>& inputs, bool replace) {
   refuseReplacing({job.output, "choose another output with -o or --out-dir"}, inputs, replace);
@@ -165,10 +229,12 @@ BuiltVolume openAndBuild(BuildJob job, BuildSettings settings) {
   built.skipped = is_up_to_date && !settings.rebuild;
   const bool goes_on =
       settings.options.resume && isPresent(job.output + std::string(kUnfinishedEnding));
-  if (built.skipped)
+  if (built.skipped) {
     removeStrayJournal(job.output);
-  else
+  } else {
+    const StorePreview preview(job.input, source->info(), settings.options.preview);
     built.report = buildOrBeginAnew(*source, input, job, settings, shown);
+  }
   if (lock && !built.skipped) trimCache(settings.cache_folder, cache_bytes, job.output);
   built.volume = source->info();
   for (std::string& note : source->notesOfReading()) built.volume.notes.push_back(std::move(note));
@@ -236,11 +302,7 @@ BuildOptions showingProgress(BuildOptions options, const ShownAs& shown, Progres
   options.progress = [&](std::string_view phase, double share) {
     bar.show(shown.label + std::string(phase), share);
   };
-  options.preview.published = [](const BuildPreview& preview) {
-    const Index3& voxels = preview.voxels;
-    fmt::print(stderr, "preview {} {} {} {} {}\n", preview.step, voxels.x, voxels.y, voxels.z,
-               preview.path);
-  };
+  options.preview.published = tellOfPreview;
   return options;
 }
 
