@@ -12,9 +12,12 @@
 #include "isobrick/extract/read_mesh_file.h"
 #include "isobrick/extract/wall_thickness.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/remote_options.h"
 #include "tools/command.h"
 #include "tools/extract_report.h"
 #include "tools/interrupt.h"
+#include "tools/plain_text.h"
 #include "tools/query_options.h"
 #include "tools/shared_options.h"
 
@@ -221,6 +224,23 @@ VertexColors AttributeFields::colorsOf(const SurfaceAttributes& surface) const {
                     found->name, kColorMapNames[static_cast<std::size_t>(*colors.map)]));
   }
   return colors;
+}
+
+void warnOfVerticesOutside(const std::vector<AttributeOptions>& options,
+                           const SurfaceAttributes& attributes,
+                           const std::vector<std::uint64_t>& outside, std::uint64_t vertices,
+                           const std::string& output) {
+  for (std::size_t i = 0; i < outside.size(); ++i) {
+    if (outside[i] == 0) continue;
+    const AttributeType type = attributes.attributes[i].type;
+    const bool has_nan = (type == AttributeType::kFloat32 || type == AttributeType::kFloat64) &&
+                         lowerExtension(output) != ".glb";
+    fmt::print(stderr,
+               "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({} in "
+               "the file)\n",
+               countText(outside[i]), countText(vertices),
+               oneLine(withoutSecrets(options[i].input.path)), has_nan ? "NaN" : "0");
+  }
 }
 
 }  // namespace isobrick

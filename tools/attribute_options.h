@@ -80,6 +80,13 @@ class AttributeFields {
   std::map<std::string, std::unique_ptr<const VertexValues>> fields_;  // by what they are of
 };
 
+// Says how many of the vertices in `output` have no value of each attribute, since they lie outside
+// of what it is of.
+void warnOfVerticesOutside(const std::vector<AttributeOptions>& options,
+                           const SurfaceAttributes& attributes,
+                           const std::vector<std::uint64_t>& outside, std::uint64_t vertices,
+                           const std::string& output);
+
 // How many pyramids share the memory with that of the surface.
 std::uint64_t pyramidsOf(const std::vector<AttributeOptions>& attributes);
 

@@ -7,6 +7,7 @@
 #include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/remote_options.h"
+#include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/outputs.h"
 #include "tools/plain_text.h"
@@ -193,18 +194,8 @@ ExtractResult ExtractedSurface::end(const std::function<ValueRange()>& range_of)
       !warnOfEmptySurface(arguments_.query.input, isovalue_, pyramid_, range_of()) &&
       !arguments_.part)
     warnOfEmptyChoice(arguments_, result_);
-  for (std::size_t i = 0; i < result_.vertices_outside.size(); ++i)
-    if (result_.vertices_outside[i] > 0) {
-      const AttributeType type = attributes_.attributes[i].type;
-      const bool has_nan = (type == AttributeType::kFloat32 || type == AttributeType::kFloat64) &&
-                           lowerExtension(result_.output) != ".glb";
-      fmt::print(
-          stderr,
-          "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({} in "
-          "the file)\n",
-          countText(result_.vertices_outside[i]), countText(result_.vertices),
-          oneLine(withoutSecrets(arguments_.attributes[i].input.path)), has_nan ? "NaN" : "0");
-    }
+  warnOfVerticesOutside(arguments_.attributes, attributes_, result_.vertices_outside,
+                        result_.vertices, result_.output);
   return std::move(result_);
 }
 

@@ -78,9 +78,9 @@ int runMerge(const CLI::App& command, MergeArguments& arguments) {
   findAttributes(arguments);
   AttributeFields fields(arguments.attributes, arguments.coloring, arguments.memory_bytes, false,
                          {});
-  SurfaceAttributes attributes = fields.of({}, nullptr, nullptr);
+  const SurfaceAttributes attributes = fields.of({}, nullptr, nullptr);
   MeshFileOptions file_options = meshFileOptions(arguments);
-  file_options.attributes = std::move(attributes.attributes);
+  file_options.attributes = attributes.attributes;
   file_options.colors = attributes.colors;
   const auto file_sink = output.empty() ? nullptr : makeMeshFileSink(output, file_options);
   CountingSink counting_sink;
@@ -93,6 +93,10 @@ int runMerge(const CLI::App& command, MergeArguments& arguments) {
     return mergeMeshShares(arguments.shares, measured, &interruptFlag());
   });
   const std::uint64_t vertices = file_sink ? file_sink->vertices() : counting_sink.vertices();
+  std::vector<std::uint64_t> outside;
+  for (const PyramidValues* const values : attributes.sampled)
+    outside.push_back(values != nullptr ? values->outside() : 0);
+  warnOfVerticesOutside(arguments.attributes, attributes, outside, vertices, output);
   if (arguments.json) {
     Json json = {{"output", output.empty() ? Json() : Json(output)},
                  {"shares", report.shares},

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <optional>
 #include <set>
+#include <vector>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
@@ -171,7 +172,11 @@ void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::s
   const fs::path voxels = fs::path(path).replace_extension(".raw");
   if (!isNameTaken(voxels)) return;
   refuseInput(voxels.string(), output, inputs);
-  for (const std::string& header : {path, path + kTemporaryEnding})
+  std::vector<std::string> headers = {path};
+  // Of a run that ended between the two renames: it has given the voxels their name already.
+  if (force || !isNameTaken(voxels.string() + kTemporaryEnding))
+    headers.push_back(path + kTemporaryEnding);
+  for (const std::string& header : headers)
     if (const auto named = dataFileOf(header); named && isSameFile(*named, voxels)) return;
   throw Error(fmt::format("'{}' exists and is not the data of '{}', which would have its voxels "
                           "there; {}",

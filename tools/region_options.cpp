@@ -45,7 +45,7 @@ RegionOptions::Cut<HalfSpace> parsePlane(std::string text, bool has_world) {
     throw std::invalid_argument(
         fmt::format("'{}' is no plane: NX,NY,NZ,D, or a point and a normal, X,Y,Z,NX,NY,NZ", text));
   }
-  if (plane.normal == glm::dvec3(0.0))
+  if (!(glm::length(plane.normal) > 0.0))
     throw std::invalid_argument(fmt::format("'{}' has a normal of 0,0,0", text));
   plane.offset *= unit.value_or(1);
   return {plane, unit.has_value()};

@@ -85,14 +85,20 @@ std::vector<std::string> withVariables(std::vector<std::string> words) {
   return words;
 }
 
-std::string withoutValues(std::string message, const std::vector<std::string>& words,
+std::string withoutValues(const std::string& message, const std::vector<std::string>& words,
                           const std::vector<std::string>& values) {
-  for (std::size_t i = 0; i < words.size(); ++i)
-    if (words[i] != values[i] && !values[i].empty())
-      for (std::size_t at = 0; (at = message.find(values[i], at)) != std::string::npos;
-           at += words[i].size())
-        message.replace(at, values[i].size(), words[i]);
-  return message;
+  constexpr std::size_t kLeastLetters = 4;  // shorter ones are no secrets, and stand everywhere
+  std::string result;
+  for (std::size_t at = 0; at < message.size();) {
+    std::size_t longest = 0, found = 0;
+    for (std::size_t i = 0; i < words.size(); ++i)
+      if (words[i] != values[i] && values[i].size() >= std::max(kLeastLetters, longest + 1) &&
+          message.compare(at, values[i].size(), values[i]) == 0)
+        longest = values[found = i].size();
+    result += longest > 0 ? words[found] : message.substr(at, 1);
+    at += std::max<std::size_t>(longest, 1);
+  }
+  return result;
 }
 
 std::string guessOf(const std::string& word, const std::vector<std::string>& known) {

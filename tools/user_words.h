@@ -16,7 +16,7 @@ std::vector<std::string> withVariables(std::vector<std::string> words);
 
 // The message with "env:NAME" in place of the values that withVariables() put there: `words`
 // before, and `values` after it.
-std::string withoutValues(std::string message, const std::vector<std::string>& words,
+std::string withoutValues(const std::string& message, const std::vector<std::string>& words,
                           const std::vector<std::string>& values);
 
 // "; did you mean 'focus'?" for "focsu": the nearest of the words, or nothing if none is near.

@@ -750,8 +750,10 @@ TEST_F(CliTest, NoMessageShowsTheValueOfAVariable) {
   for (const std::vector<std::string>& words :
        {std::vector<std::string>{"info", "a.isb", "env:SECRET"},
         {"env:SECRET"},
-        {"extract", "--threads", "env:SECRET"}}) {
-    std::vector<std::string> all{"/usr/bin/env", "SECRET=https://a/?key=9", isobrickCommand()};
+        {"extract", "--threads", "env:SECRET"},
+        {"info", "env:PLACE", "env:SECRET"}}) {
+    std::vector<std::string> all{"/usr/bin/env", "PLACE=https", "SECRET=https://a/?key=9",
+                                 isobrickCommand()};
     all.insert(all.end(), words.begin(), words.end());
     const Outcome outcome = wait(start(all));
     EXPECT_EQ(outcome.status, 2);

@@ -76,6 +76,16 @@ TEST_F(MergeCommandTest, AttributesAreThoseOfOneRun) {
   expectFailure(2, merge, "--attribute thickness needs the volume");
 }
 
+TEST_F(MergeCommandTest, VerticesWithoutAValueAreCounted) {
+  runWell({"build", "phantom:sphere:16", "--origin", "900,900,900", "-o", "far.isb"});
+  Words merge = shares({"extract", "head.isb", "--iso", "900"}, 2);
+  merge.insert(merge.begin(), "merge");
+  merge.insert(merge.end(), {"--attribute", "far.isb", "-o", "merged.ply"});
+  const Outcome outcome = run(merge);
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_NE(outcome.err.find("lie outside of 'far.isb'"), std::string::npos) << outcome.err;
+}
+
 TEST_F(MergeCommandTest, APartOfAnotherFormatIsOpen) {
   const Json part =
       runForJson({"extract", "head.isb", "--iso", "900", "--part", "1/2", "-o", "part.ply"});

@@ -1,6 +1,7 @@
 #include "isobrick/viewer/serve/client_message.h"
 
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 #include <string>
 
 #include "isobrick/storage/error.h"
@@ -65,7 +66,7 @@ ViewRegion askedRegion(const Asked& asked) {
   ViewRegion region;
   for (const glm::dvec4& plane : asked.quadruples("clip")) {
     region.half_spaces.push_back({glm::dvec3(plane), plane.w});
-    if (region.half_spaces.back().normal == glm::dvec3(0.0))
+    if (!(glm::length(region.half_spaces.back().normal) > 0.0))
       throw Error("'clip' has a normal of 0,0,0");
   }
   for (const glm::dvec4& sphere : asked.quadruples("sphere")) {

@@ -35,6 +35,7 @@ constexpr std::size_t kMostOnTheWay = 16 << 10;
 constexpr std::size_t kMostMessages = 4096;
 constexpr auto kBetweenMessages = std::chrono::milliseconds(4);
 constexpr double kBetweenLooks = 0.05;  // at an opening, seconds
+constexpr int kMostLeaving = 4;
 
 // The surfaces of one volume of the client's scene.
 struct VolumeStream {
@@ -124,13 +125,16 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   // The session's end may wait for an extraction.
   void leave(std::shared_ptr<SurfaceSession> session) try {
-    asio::post(state_.ends, [session = std::move(session)]() mutable { session.reset(); });
+    ++*leaving_;
+    const auto counted =
+        std::shared_ptr<void>(nullptr, [leaving = leaving_](void*) { --*leaving; });
+    asio::post(state_.ends, [counted, session = std::move(session)]() mutable { session.reset(); });
   } catch (const std::exception&) {  // it ended at once, and all waited for that
   }
 
   // False: it is not open yet. Throws Error if it cannot be opened.
   bool open(VolumeStream& stream) {
-    if (clockSeconds() - stream.looked_at < kBetweenLooks) return false;
+    if (clockSeconds() - stream.looked_at < kBetweenLooks || *leaving_ > kMostLeaving) return false;
     stream.looked_at = clockSeconds();
     std::string error;
     const auto opened = state_.volumes.open(stream.volume, error);
@@ -161,7 +165,7 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
 
   void fail(VolumeStream& stream, const std::string& error) {
     orEnd([&] {
-      sendTyped("error", {{"volume", stream.volume}, {"error", error}});
+      sendTyped("error", {{"volume", stream.volume}, {"error", error}, {"ended", true}});
       if (stream.is_first) close(websocket::close_code::internal_error, error);
     });
     leave(std::move(stream.session));
@@ -315,6 +319,8 @@ class StreamConnection : public ClientLine, public std::enable_shared_from_this<
   std::deque<Message> messages_;  // the first one is being written
   std::size_t on_the_way_ = 0;    // bytes of them
   std::vector<VolumeStream> streams_;
+  // Sessions that have not ended yet: a client that opens and ends in turn gets no more than these.
+  const std::shared_ptr<std::atomic<int>> leaving_ = std::make_shared<std::atomic<int>>(0);
   bool closing_ = false, ended_ = false;
 };
 

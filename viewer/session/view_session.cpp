@@ -8,6 +8,7 @@
 #include "isobrick/extract/color_map.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/remote_options.h"
 #include "isobrick/viewer/session/drawn_scene.h"
 
 namespace isobrick {
@@ -36,7 +37,8 @@ std::string missingVolume(const ViewState& state, std::size_t besides) {
 // The same of a mask.
 std::string maskWords(const std::string& missing) {
   if (missing.empty()) return {};
-  return "the mask '" + missing + "' is not open, and cuts nothing; open the view with --state";
+  return "the mask '" + withoutSecrets(missing) +
+         "' is not open, and cuts nothing; open the view with --state";
 }
 
 }  // namespace
@@ -413,7 +415,7 @@ MeshOrder ViewSession::meshOrder(const std::string& path) const {
   if (const std::string missing = missingVolume(state_, beside_.size()); !missing.empty())
     throw Error(missing);
   if (const std::string mask = missingMask(state_.region, masks_); !mask.empty())
-    throw Error(maskWords(mask), {mask});
+    throw Error(maskWords(mask), {withoutSecrets(mask)});
   const auto surface = static_cast<std::size_t>(state_.active_surface);
   const BesideVolume* const beside = activeBeside();
   const SurfaceWish wish =

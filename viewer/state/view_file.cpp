@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string_view>
@@ -233,7 +234,8 @@ void checkRanges(const ViewState& state) {
       refuse("measurements", "has one that has neither 2 nor 3 points");
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
   for (const HalfSpace& half_space : state.region.half_spaces)
-    if (half_space.normal == glm::dvec3(0.0)) refuse("region.half_spaces", "has a normal of 0,0,0");
+    if (!(glm::length(half_space.normal) > 0.0))
+      refuse("region.half_spaces", "has a normal of 0,0,0");
   for (const ViewBall& ball : state.region.balls)
     if (!(ball.radius > 0.0)) refuse("region.balls", "has one whose radius is not above 0");
 }

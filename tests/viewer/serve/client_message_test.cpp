@@ -57,10 +57,9 @@ TEST(ClientMessage, WithoutAFocusAllIsFine) {
 }
 
 TEST(ClientMessage, AWishHasARegionASideAndCaps) {
-  const auto wish = std::get<ClientWish>(parseClientMessage(
+  const auto wish = std::get<ClientWish>(parsed(
       R"({"type":"wish","wish":0,"surfaces":[{"iso":0},{"iso":1,"inside":"below"}],"cap":true,)"
-      R"("clip":[1,0,0,30, 0,2,0,1e99],"sphere":[1,2,3,4]})",
-      volumeOfMessages()));
+      R"("clip":[1,0,0,30, 0,2,0,1e99],"sphere":[1,2,3,4]})"));
   EXPECT_EQ(wish.surfaces.surfaces[0].inside, InsideOf::kAbove);
   EXPECT_EQ(wish.surfaces.surfaces[1].inside, InsideOf::kBelow);
   EXPECT_TRUE(wish.surfaces.detail.capped);
@@ -99,6 +98,7 @@ TEST(ClientMessage, OthersAreUnknownOrRefused) {
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1,"inside":"out"}]})",
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[1,2,3]})",
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[0,0,0,3]})",
+        R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[1e-200,0,0,3]})",
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"clip":[]})",
         R"({"type":"wish","wish":1,"surfaces":[{"iso":1}],"sphere":[1,2,3,0]})",
         "{\"type\":\"wish\",\"wish\":1,\"surfaces\":[{\"iso\":1}]}\xff"})

@@ -12,7 +12,7 @@ import type { ServerMessage, Show, VolumeEntry, VolumeFacts, Wish } from './prot
 import { save, savePicture } from './save';
 import { SceneRenderer, type SceneFrame } from './scene_renderer';
 import { SurfaceSet } from './surface_set';
-import { boxOf, type Box, type Vec3 } from './vector';
+import { boxOf, clamp, type Box, type Vec3 } from './vector';
 import { ViewHistory } from './view_history';
 import { fragmentOf, viewFromJson, viewToJson } from './view_link';
 import { activeSurface, bounded, firstView, focusedOn, surfaceNumber, ViewVolume } from './view_state';
@@ -96,8 +96,17 @@ export class Page {
   // The next view; it is drawn with the next frame, and what it lacks is asked for.
   change(next: ViewState): void {
     this.goes_on ||= next.step !== this.state.step;
-    this.state = next;
+    this.state = this.inRange(next);
     this.requestFrame();
+  }
+
+  // With isovalues that its volumes have; a step of time may lack one.
+  private inRange(state: ViewState): ViewState {
+    const surfaces = state.surfaces.map((surface) => {
+      const own = this.volumes.get([this.drawn, ...state.beside][surface.volume]!);
+      return own && !this.are_steps ? { ...surface, isovalue: clamp(surface.isovalue, ...own.facts.value_range) } : surface;
+    });
+    return surfaces.every(({ isovalue }, i) => isovalue === state.surfaces[i]!.isovalue) ? state : { ...state, surfaces };
   }
 
   // A drag begins or ends: all of it is one step of undo.
@@ -169,7 +178,7 @@ export class Page {
     if (type === 'show') this.surfaces.add({ show: message });
     if (type === 'drop') this.surfaces.add(message);
     if (type === 'error') {
-      this.connection.asked.delete(message.volume); // what comes next is another wish
+      if (message.ended) this.connection.asked.delete(message.volume); // what comes next is another wish
       this.is_playing = false;
       this.shown = undefined;
       this.say('trouble', message.error);
@@ -190,11 +199,13 @@ export class Page {
     this.requestFrame();
     if (this.panel && this.are_steps && !volume.hasGridOf(this.volume)) {
       this.is_playing = false;
+      if (facts.id !== this.state.step) return; // it was made ahead
       this.say('trouble', `'${facts.name}' has another grid than the steps before`);
       return this.change({ ...this.state, step: this.drawn });
     }
     this.volumes.set(facts.id, volume);
     this.shown = undefined;
+    if (this.panel) this.state = this.inRange(this.state);
     if (this.adding === facts.id) this.change(bounded(withVolume(this.state, volume), this.volume));
     if (this.adding === facts.id) this.adding = undefined;
     if (this.panel || facts.id !== this.drawn) return;
@@ -208,6 +219,7 @@ export class Page {
       !this.are_steps && this.entries[id] !== undefined && id !== this.drawn && read.beside.indexOf(id) === i;
     const beside = read.beside.map((id, i) => (isOther(id, i) && i < kMostVolumes - 1 ? id : -1));
     this.state = bounded({ ...read, beside, step: this.are_steps ? this.drawn : 0 }, this.volume);
+    this.state = this.inRange(this.state);
     if (!this.view?.includes('"camera"')) this.own_camera = this.state.camera;
     this.history = new ViewHistory(this.state);
     this.panel = new Panel(this);
@@ -232,9 +244,9 @@ export class Page {
   private frame(panel: Panel, seconds: number): void {
     const { shown, has_more } = this.surfaces.pump(this.volume);
     for (const { show } of shown) this.noteShow(show);
-    this.goOnInTime(seconds);
     if (this.isFine()) this.own_camera = undefined; // from now on it is the user's
     this.sendWishes();
+    this.goOnInTime(seconds);
     this.renderer.draw(this.frameOf());
     for (const { show, seconds: passed } of shown) this.connection.noteShown(show, passed);
     drawOverlay(this.overlay, this.state, this.picked, this.volume.unit);
@@ -255,6 +267,7 @@ export class Page {
       this.drawn = step!;
       this.step_shown = seconds;
       this.shown = undefined;
+      this.requestFrame();
       element('name').textContent = this.volume.facts.name;
       this.tell();
     }
@@ -300,14 +313,14 @@ export class Page {
     const ids = this.seenIds();
     const all = kMostTriangles[matchMedia('(pointer: coarse)').matches ? 'fingers' : 'mouse'];
     const most_triangles = Math.floor(all / ids.length);
-    for (const id of ids) this.sendWish(id, this.ids.indexOf(id), most_triangles);
     const next = this.are_steps && (this.goes_on || this.is_playing) ? this.nextStep : undefined;
-    if (next !== undefined && this.isFine()) this.sendWish(next, 0, most_triangles);
     for (const id of this.connection.asked.keys()) {
       if (ids.includes(id) || [this.drawn, next, this.adding].includes(id)) continue;
       this.connection.end(id);
       this.forget(id);
     }
+    for (const id of ids) this.sendWish(id, this.ids.indexOf(id), most_triangles);
+    if (next !== undefined && this.isFine()) this.sendWish(next, 0, most_triangles);
   }
 
   private forget(id: number): void {
@@ -327,6 +340,7 @@ export class Page {
     const focus = this.state.focus.everywhere ? {} : this.focusIn(volume);
     if (!this.connection.ask({ type: 'wish', volume: id, surfaces, ...focus, most_triangles })) return;
     this.fine.delete(id);
+    if (id !== this.drawn) this.passed.delete(id); // made ahead, of another wish
     this.tell();
   }
 
@@ -401,7 +415,8 @@ export class Page {
 
   // The active surface, at the wanted detail.
   private saveMesh(name: string, ending: 'glb' | 'stl'): void {
-    const { isovalue } = activeSurface(this.state);
+    const { isovalue, volume } = activeSurface(this.state);
+    if (!this.volumeAt(volume)) return this.say('trouble', 'the volume of the active surface is not open');
     const { focus, radius } = this.focusIn(this.active);
     const detail = this.state.focus.everywhere ? '' : `&focus=${focus!.join()}&radius=${radius}`;
     this.say('status', `making ${name}.${ending} …`);

@@ -77,7 +77,7 @@ export class Panel {
     element('play').setAttribute('aria-pressed', String(this.host.is_playing));
     const others = entries.map(({ id }) => id).filter((id) => !ids.includes(id));
     showChildren(element('other-volume'), others.map((id) => new Option(nameOf(id), String(id))));
-    element('add-volumes').hidden = this.host.are_steps || others.length === 0 || ids.length === kMostVolumes;
+    element('add-volumes').hidden = this.host.are_steps || others.length === 0 || ids.length === kMostVolumes || state.surfaces.length === kMostSurfaces;
     if (document.activeElement !== field('isovalue'))
       field('isovalue').value = String(Number(activeSurface(state).isovalue.toPrecision(7)));
     field('everywhere').checked = state.focus.everywhere;

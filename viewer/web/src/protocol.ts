@@ -46,7 +46,7 @@ export type ServerMessage =
   | Show
   | { type: 'drop'; drop: Range[] }
   | { type: 'fine'; volume: number; wish: number; limited?: string }
-  | { type: 'error'; volume: number; error: string }
+  | { type: 'error'; volume: number; error: string; ended?: boolean }
   | { type: 'ended'; volume: number };
 
 // Where a request goes, from the folder of the page on, so that proxies may put a path in front.

@@ -74,8 +74,11 @@ export class ViewVolume {
     return isovalues[0] ?? 0.5 * (value_range[0] + value_range[1]);
   }
   hasGridOf({ facts }: ViewVolume): boolean {
-    const gridOf = ({ dimensions, index_to_world }: VolumeFacts): string => String([dimensions, index_to_world]);
-    return gridOf(facts) === gridOf(this.facts);
+    const other = new ViewVolume(facts), [x, y, z] = this.last();
+    const rounding = 0.01 * Math.min(...this.facts.spacing);
+    const places: Vec3[] = [[0, 0, 0], [x, 0, 0], [0, y, 0], [0, 0, z]];
+    const isNear = (at: Vec3): boolean => length(subtract(this.indexToWorld(at), other.indexToWorld(at))) <= rounding;
+    return String(facts.dimensions) === String(this.facts.dimensions) && places.every(isNear);
   }
   indexToWorld(index: Vec3): Vec3 {
     return add(this.origin, times(this.indexToWorldMatrix, index));
@@ -139,8 +142,9 @@ export function firstView(volume: ViewVolume, aspect: number, theme: 'dark' | 'l
 export function bounded(state: ViewState, volume: ViewVolume): ViewState {
   const size = volume.size();
   // A volume without a surface goes.
-  const beside = state.beside.filter((id, i) => id >= 0 && state.surfaces.some((s) => s.volume === i + 1));
-  const surfaces = state.surfaces.slice(0, kMostSurfaces).map((surface) => ({
+  const most = state.surfaces.slice(0, kMostSurfaces);
+  const beside = state.beside.filter((id, i) => id >= 0 && most.some((s) => s.volume === i + 1));
+  const surfaces = most.map((surface) => ({
     ...surface,
     opacity: clamp(surface.opacity, 0, 1),
     volume: 1 + beside.indexOf(state.beside[surface.volume - 1]!),
