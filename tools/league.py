@@ -346,14 +346,15 @@ PAGE = """<!-- tools/league.py made this page. -->
 # The league
 
 This page shows you the same volumes through isobrick and the programs that people use now: what is wrong with their meshes,
-and what they take. Each mesh is made by a process of its own, which reads the volume and writes the mesh.
+and what they take.
 
 - *good*: open at the border of the volume or nowhere, every side once each way round, no triangle without area (*flat*), no two
   that cross (MeshLib's test, in single precision), and the volume within 2 % of what is known of it.
 - All read the same NRRD without compression. OpenVDB's own file is read by isobrick and OpenVDB alone. For OpenVDB the inside
   is below the isovalue, and it closes surfaces at the border.
 - Small volumes have one property each that people reported as a fault of some program; the last three are scans.
-- *seconds* and *MiB* at the peak are of the whole process, *Mtri/s* of the surface alone; isobrick reads while it extracts.
+- *seconds* and *MiB* at the peak are of the whole process, from volume to mesh file, *Mtri/s* of the surface alone; isobrick reads
+  while it extracts.
 """
 
 if __name__ == "__main__":
