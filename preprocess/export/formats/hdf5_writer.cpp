@@ -84,7 +84,7 @@ class Hdf5Writer {
     const Hdf5Handle creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
     H5Pset_chunk(creation.id(), 3, chunk.data());
     H5Pset_obj_track_times(creation.id(), false);  // the same bytes each time
-    constexpr unsigned kDeflateLevel = 1;  // scans shrink little more above it
+    constexpr unsigned kDeflateLevel = 1;          // scans shrink little more above it
     H5Pset_shuffle(creation.id());
     if (H5Zfilter_avail(H5Z_FILTER_DEFLATE) > 0) H5Pset_deflate(creation.id(), kDeflateLevel);
     const Hdf5Handle links(H5Pcreate(H5P_LINK_CREATE), H5Pclose);
