@@ -313,8 +313,19 @@ class SurfaceWriter::Run {
             take(a, rows.row(j, 0), has_any ? side.inSideZ(a, j) : kNoCrossing);
       }
     }
-    if (!are_there) context_.failMissingVertex(work_[number]);
+    if (!are_there) failMissingNumber(number);
     return true;
+  }
+
+  // A neighbour whose bytes could not be read gives other numbers, and its thread may not have said
+  // so yet.
+  [[noreturn]] void failMissingNumber(std::size_t number) const {
+    if (context_.pyramid.parts().hasFailedReads())
+      for (int axis = 0; axis < 3; ++axis) {
+        const BrickWork& neighbour = work_[neighbourOf(number, axis)];
+        context_.pyramid.throwIfReadsFailed(neighbour.level, neighbour.brick);
+      }
+    context_.failMissingVertex(work_[number]);
   }
 
   // Step 3: for the bricks on the high sides.
