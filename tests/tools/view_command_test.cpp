@@ -482,6 +482,7 @@ TEST_F(ViewCommandTest, AStoreIsShownByALevelOfItsOwn) {
   runWell({"build", "phantom:sphere:160", "-o", "s.isb"});
   runWell({"convert", "s.isb", "--all-levels", "-o", "s.ome.zarr"});
   write("preview.json", R"({"size": [160, 120], "steps": [
+      {"wait": "preview"}, {"set": {"surfaces": [{"isovalue": 8.5}]}},
       {"wait": "preview"}, {"shown_mesh": "preview.ply"},
       {"wait": "settled"}, {"shown_mesh": "whole.ply"}]})");
   runWell(
