@@ -57,6 +57,14 @@ std::optional<PreviewGrid> previewGridOf(const Index3& voxels) {
   }
 }
 
+BuildOptions previewBuildOptions() {
+  BuildOptions options;
+  options.brick_cells = 32;
+  options.codec = format::Codec::kStored;
+  options.with_curvature = false;
+  return options;
+}
+
 template <typename T>
 PreviewMaker<T>::PreviewMaker(const VolumeInfo& info, const PreviewGrid& grid,
                               const BuildOptions& options)
@@ -125,10 +133,7 @@ void PreviewMaker<T>::publish(std::int64_t slices) {
   info.source = concat("preview ", ++number_, " of ", info_.source);
   info.format = "preview";
   PreviewSource source(std::move(info), reinterpret_cast<const std::byte*>(samples_.data()));
-  BuildOptions options;
-  options.brick_cells = 32;
-  options.codec = format::Codec::kStored;
-  options.with_curvature = false;
+  BuildOptions options = previewBuildOptions();
   options.tool_version = options_.tool_version;
   options.memory_bytes = kPreviewBytes - static_cast<std::uint64_t>(kMostSamples) * sizeof(T);
   options.cancel = options_.cancel;

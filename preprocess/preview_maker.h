@@ -25,6 +25,9 @@ struct PreviewGrid {
 // that is too thin.
 std::optional<PreviewGrid> previewGridOf(const Index3& voxels);
 
+// How the pyramid of a preview is built: quickly.
+BuildOptions previewBuildOptions();
+
 // Collects samples of level 1 as they come, and makes pyramids of them. T is the voxel type. One
 // thread at a time. A failure to make one ends the making, and nothing else.
 template <typename T>

@@ -172,10 +172,7 @@ class StorePreview {
       const std::int64_t step = stepOf(source->info().voxels, info.voxels);
       if (step == 0 || elementCount(source->info().voxels) > kMostVoxels) return;
       path_ = (std::filesystem::path(preview.folder) / "level.isb").string();
-      BuildOptions build;
-      build.brick_cells = 32;
-      build.codec = format::Codec::kStored;
-      build.with_curvature = false;
+      BuildOptions build = previewBuildOptions();
       build.tool_version = ISOBRICK_VERSION;
       build.cancel = &interruptFlag();
       buildPyramid(*source, path_, build);
